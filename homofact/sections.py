@@ -211,7 +211,7 @@ class FitSection:
         return self._placed(lambda: made_each(labels, self.settings))
 
     def with_settings(self, settings: Mapping[str, Any]) -> "FitSection":
-        """The section with other settings beside its own, or in their place."""
+        """Return the section with other settings, which replace or extend its own."""
         return FitSection(self.method, {**self.settings, **settings}, self.places)
 
     def without(self, *names: str) -> "FitSection":

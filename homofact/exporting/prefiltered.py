@@ -81,7 +81,7 @@ class PrefilteredExport:
             *_TITLE,
             *["t, b: unit, tangent and binormal."] * (self.data.material.across is not None),
             f"Texture 0: {table}, {columns} x {rows}. Texture 1: {light}, a cube map of {self.data.sky.side} texels"
-            f" a side, {len(self.data.sky.levels)} levels. Texture 2: {lit}, a cube map. Both are the same for every"
+            f" per side, {len(self.data.sky.levels)} levels. Texture 2: {lit}, a cube map. Both are the same for every"
             " material.",
         )
         program = self.data.program(title, first)
@@ -137,7 +137,7 @@ class PrefilteredExport:
         """What the screen says."""
         sky = self.data.sky
         return (
-            f"Split sum under {harmless(sky.name)}: a cube map of {sky.side} texels a side with {len(sky.levels)}"
+            f"Split sum under {harmless(sky.name)}: a cube map of {sky.side} texels per side with {len(sky.levels)}"
             f" levels, {sky.nbytes / 2**20:.2f} MiB for all materials, and {self.nbytes} bytes for this one;"
             f" the sphere is off by {self.error:.1%} (relative RMS)."
         )

@@ -147,7 +147,7 @@ def _caption(rows: Sequence[ChartRow]) -> list[str]:
         mean = f"the mean of up to {most} fits by different seeds"
         caption[0] += f" A point is {mean}, its bars go from least to greatest."
     if any(row.textures < row.textures_asked for row in rows):
-        caption[0] += " A run that was asked for more textures than it found worth having shows those it kept."
+        caption[0] += " A run may keep fewer textures than requested, where more were not worth it."
     caption += [
         f"ε = {first.epsilon:g}, {first.held_out_part:.0%} of {first.samples} samples held out, seed"
         f" {first.split_seed}, channels {first.channels if len(first.channels) < 16 else 'of a spectrum'}.",
@@ -155,5 +155,5 @@ def _caption(rows: Sequence[ChartRow]) -> list[str]:
     ]
     left_out = sum(not _drawn(row) for row in rows)
     if left_out:
-        caption.append(f"{left_out} of {len(rows)} runs are not drawn: their error is no number above 0.")
+        caption.append(f"{left_out} of {len(rows)} runs are left out: their error is not a number above 0.")
     return caption

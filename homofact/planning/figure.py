@@ -1,9 +1,9 @@
 """The picture of a plan: error against bytes of the evaluated fits, and the used part of the tolerance per choice.
 
 The left panel compares all materials: one colour per material and one marker per method, filled for floats and hollow
-for 8 bits, with a name beside each point. The choices are ringed and joined by a thin line to the other points of
-their material. The panel is left out if every material has a single point. The right panel has a bar for each choice,
-limit and lighting: the part of the limit that is used, with the margin for other views in a lighter colour.
+for 8 bits, with a name beside each point. A thin line joins the points of each material, and a ring marks its choices.
+The panel is left out if no material has more than one point. The right panel has a bar for each choice, limit and
+lighting: the part of the limit that is used, with the margin for other views in a lighter colour.
 """
 
 import math

@@ -49,10 +49,10 @@ class TransportChoice:
 
 @dataclass(frozen=True)
 class RelitObject:
-    """An object with its transport, and the compact form where it was asked for.
+    """An object with its transport, and its compact form if requested.
 
-    `fit` stands for the material where that is a file of measurements, `lobe` is its separate lobe, `sunlight` the
-    light of the scene's suns, `tint` what a base-colour texture makes of the material.
+    `fit` replaces the material if that is a file of measurements, `lobe` is its separate lobe, `sunlight` the light of
+    the scene's suns, and `tint` the effect of a base-colour texture on the material.
     """
 
     mesh: Mesh
@@ -132,9 +132,9 @@ class RelightScene:
 def open_relight_scene(
     file: RelightSceneFile, stage: Stage | None = None, fits: FileFits | None = None
 ) -> RelightScene:
-    """Read and place everything; `fits` has the fits that stand for files of measurements.
+    """Read the scene and place its objects; `fits` has the fits that replace files of measurements.
 
-    Raises BadInput for what cannot be read or has more channels than three.
+    Raises BadInput if a file cannot be read or has more than three channels.
     """
     objects, notes = place_objects(file.objects, file.ground, file.cameras, stage, fits)
     notes = (*file.notes, *notes)

@@ -1,9 +1,9 @@
 """Clustered principal components of transport: the compact form (Sloan, Hall, Hart and Snyder 2003; Liu et al. 2004).
 
 Vertices are divided into clusters; in each, a vertex's transport, all K terms together, is the cluster's mean plus a
-few components times the vertex's weights. Light is multiplied with the means and components alone, and a vertex then
-mixes the results: T_v L ≈ M_c L + Σ_i w_vi P_ci L. What is stored is the sparse vectors of C (n + 1) means and
-components and n numbers a vertex.
+few components times the vertex's weights. Only the means and components are multiplied with the light, and each vertex
+then mixes the results: T_v L ≈ M_c L + Σ_i w_vi P_ci L. The stored data are C (n + 1) sparse vectors of means and
+components, and n numbers per vertex.
 
 Distances between transports are taken in a sketch, their products with random vectors of ±1 (Johnson and Lindenstrauss
 1984: V × 98,304 numbers become V × 128, scalar products kept within a few percent); clusters by k-means, then a few

@@ -1,23 +1,22 @@
 """The terms of a material's in-out factors: singular functions of f, weighted for natural light, drawn as maps.
 
 Wang, Tran and Luebke (2004) decompose each channel by itself, (2). Here all channels share the light maps, and a view
-map has a value a channel: one transport vector a term serves them all. The best such sum is the singular value
-decomposition of the matrices of the channels side by side, ωi × (ωo, channel). The cosine stays out of f, as in Wang.
-It weights the error: columns by cosθo dωo, the area that a surface takes in a picture, rows by f cosθi times the light
-to be expected. For white light, every direction by itself, the strongest functions of a sharp lobe are bumps wherever
-f cosθi is largest, and a few of them lose most of its light. Natural light is smooth: its spherical harmonics of order
-l fall in variance, here as 1/(l + 1), between the white of small lamps and the powers of 2 to 2.5 that Dror, Willsky
-and Adelson (2004) find in the logarithms of surroundings. Rows
-are therefore projected on the harmonics, each times its expected amplitude; the strongest functions then are smooth,
-and what the terms leave out blurs a highlight.
+map has one value per channel, so one transport vector per term serves all channels. The best such sum is the singular
+value decomposition of the matrices of the channels side by side, ωi × (ωo, channel). The cosine is not part of f, as in
+Wang. It weights the error: columns by cosθo dωo, the projected area in a picture, and rows by f cosθi times the
+expected light. For white light, every direction by itself, the strongest functions of a sharp lobe are bumps wherever f
+cosθi is largest, and a few of them lose most of its light. Natural light is smooth: its spherical harmonics of order l
+fall in variance, here as 1/(l + 1), between the white of small lamps and the powers of 2 to 2.5 that Dror, Willsky and
+Adelson (2004) find in the logarithms of surroundings. Rows are therefore projected on the harmonics, each times its
+expected amplitude; the strongest functions then are smooth, and what the terms leave out blurs a highlight.
 
 An isotropic f is decomposed order by order of azimuth, f = Σ_m f_m(θi, θo) exp(im(φo − φi)); a pair of terms of one
 order, cosine and sine, is kept whole or not at all. A lobe may be far narrower than any function that a few terms can
 hold. So f is not sampled on a grid but integrated against such functions (Galerkin): for each θi over nodes that crowd
 towards the mirror direction and towards the light, against the polynomials through `rings` Gauss nodes in θo. What is
-left out then blurs a highlight and keeps its light. Between the nodes g_k and h_k are asked of f by the same integrals,
-g_k(ωi) = ∫ f(ωi, ωo) v_k(ωo) cosθo dωo/σ_k (Nyström). They are stored on parabolic maps, bilinear in between, whose rim
-is the horizon. An anisotropic f is sampled on a grid of nodes.
+left out then blurs a highlight and keeps its light. Between the nodes g_k and h_k are computed from f by the same
+integrals, g_k(ωi) = ∫ f(ωi, ωo) v_k(ωo) cosθo dωo/σ_k (Nyström). They are stored on parabolic maps, bilinear in
+between, whose rim is the horizon. An anisotropic f is sampled on a grid of nodes.
 """
 
 import math

@@ -224,7 +224,7 @@ def measured_errors(
 def relative(
     found: np.ndarray, truth: np.ndarray, weights: np.ndarray | None = None, of: np.ndarray | None = None
 ) -> float:
-    """√(Σw|found − truth|²/Σw|of|²) of rows of numbers, w 1 and `of` the truth unless given."""
+    """Return √(Σw|found − truth|²/Σw|of|²) of rows of numbers. Default: w is 1 and `of` is the truth."""
     w = 1.0 if weights is None else weights[:, None]
     whole = truth if of is None else of
     return float(np.sqrt((w * (found - truth) ** 2).sum() / (w * whole**2).sum()))

@@ -1,8 +1,8 @@
 """Transport in spherical harmonics of low order: the form for smooth lighting (Sloan, Kautz and Snyder 2002).
 
-T_vk L ≈ Σ_lm t_vklm L_lm, t_vklm = ∫ T_vk Y_lm dω: (n + 1)² numbers a vector and none that says where they belong.
-Light of higher orders than n is lost, and with it what it does behind the edge of a shadow. 9 numbers hold what a matt
-surface without shadows sends back within 1% (Ramamoorthi 2002, section 3.2.3), whatever the light.
+T_vk L ≈ Σ_lm t_vklm L_lm, t_vklm = ∫ T_vk Y_lm dω: (n + 1)² numbers per vector, which need no indices. Light of orders
+above n is lost, and with it the detail at the edges of shadows. 9 numbers give the reflection of a matt surface without
+shadows within 1% under any light (Ramamoorthi 2002, section 3.2.3).
 """
 
 from dataclasses import dataclass

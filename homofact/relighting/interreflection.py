@@ -1,22 +1,24 @@
-"""One bounce of interreflection: light that reaches a vertex by way of the surfaces around it, as if these were matt.
+"""One bounce of interreflection: light that other surfaces reflect to a vertex, as if these surfaces were matt.
 
-Towards a vertex a surface sends B = ρ E/π: ρ its part of even light that it sends back (`mean_albedo`) and E its
-irradiance by the sky, with its own shadows. Of a glossy surface this has the right light in all, and not the direction
-of it: there are no caustics. The vertex x receives B from all directions that meet a surface. Its material answers to
-the smooth part of that (`smooth_response`): Zernike's polynomials Z_j of the projected hemisphere up to `ORDER`, the
-constant alone where the material is matt.
+A surface sends B = ρ E/π towards a vertex, where ρ is its albedo under uniform light (`mean_albedo`) and E its
+irradiance by the sky, with its own shadows. For a glossy surface the total light is right, but not its direction: there
+are no caustics. The vertex x receives B from all directions that meet a surface. Its material reflects the smooth part
+of this light (`smooth_response`): Zernike's polynomials Z_j of the projected hemisphere up to `ORDER`, or only the
+constant if the material is matt.
 
-E is linear in the sky, and so is what x receives. x therefore has vectors of transport for it like any other,
+E is linear in the sky, and so is the light that x receives. x therefore has transport vectors for it as for direct
+light,
 
     T_jr(x) = Σ over ω that meet a surface at y:  Z_j(ω) cosθ dω u_r(y) (1/π) Σ over texels l that y sees:  cosθ_l dω_l,
 
-one for each of the R colours that are needed: ρ_c(y) = Σ_r u_r(y) v_rc over the scene's materials, R the rank of the
-matrix of their albedos, 1 where all are grey and at most 3. The view map of such a term is v_rc h_jc(ωo). These terms
-stand last among the factors, with light maps of zeros.
+one for each of R colours: ρ_c(y) = Σ_r u_r(y) v_rc over the scene's materials, where R is the rank of the matrix of
+their albedos, 1 if all are grey and at most 3. The view map of such a term is v_rc h_jc(ωo). These terms are the last
+among the factors, with light maps of zeros.
 
-Directions that meet surfaces are those of a cube map of at most `OUTER` texels along a face, skies over them of
-`INNER`: what is summed twice over a hemisphere is smooth. Haar coefficients of a coarse map are the first of a finer
-one's, times a power of 2. A sun is spread over a disc of `SUN_RADIUS` for this light alone.
+The directions that meet surfaces come from a cube map of at most `OUTER` texels along a face, and the skies above these
+surfaces have `INNER` texels: light that is integrated over two hemispheres is smooth. The Haar coefficients of a coarse
+map are the first ones of a finer map, times a power of 2. Only for this light, a sun is spread over a disc of
+`SUN_RADIUS`.
 """
 
 from collections.abc import Callable, Sequence

@@ -80,7 +80,7 @@ class LitObject:
         return 1.0 if self.tint is None else table.under(self.tint.between(points.corners, points.shares), points.wo)
 
     def suns_at(self, points: SurfacePoints, seen: np.ndarray | None = None) -> np.ndarray:
-        """Radiance (S, 3) by suns of which points see the parts `seen` (S, Q), mixed of the vertices' unless given."""
+        """Return the radiance (S, 3) by suns, whose visible parts are `seen` (S, Q). Default: mixed from vertices."""
         if self.sunlight is None:
             return np.zeros((len(points.frames), 3))
         tint = None if self.tint is None else self.tint.between(points.corners, points.shares)

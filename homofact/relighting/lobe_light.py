@@ -1,11 +1,11 @@
 """A cube map's light in cells of all sizes, for sums over a lobe; and what a vertex sees of the cells.
 
-A face of n × n texels is divided into quarters, down to single texels: level k has cells of 2^k × 2^k texels, up to
-8 × 8 cells a face. Texels stand in Morton's order, so that a cell's texels follow one another, and its four parts too.
-A cell's light is the mean of its texels' by solid angle. Where one texel of a cell holds more than `BRIGHT` of all the
-light, the cell is never taken as a whole: its light and its shadow are in one spot of it.
+A face of n × n texels is divided into quarters, down to single texels: level k has cells of 2^k × 2^k texels, up to 8 ×
+8 cells a face. Texels are stored in Morton order, so the texels of a cell and of its four parts are contiguous. The
+light of a cell is the mean of its texels weighted by solid angle. If one texel contains more than `BRIGHT` of all the
+light, its cells are always divided, since their light and shadow come from one spot.
 
-What a vertex sees is a bit a texel of a cube map of at most `SIGHT` texels along a face, in the same order.
+The visibility of a vertex is one bit per texel of a cube map of at most `SIGHT` texels along a face, in the same order.
 """
 
 from dataclasses import dataclass

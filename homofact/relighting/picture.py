@@ -1,8 +1,8 @@
 """Pictures of relit objects: the first triangle along each pixel's rays, its vertices' light mixed over it.
 
-As a graphics card does with colours at vertices, and as Wang et al. show their results. A separate lobe is
-summed at each pixel itself: between vertices its normal turns by more than it is wide. Suns and their shadows are those
-of each ray. Four rays a pixel; what is behind the objects is the environment itself, with the suns' discs.
+As a graphics card does with colours at vertices, and as Wang et al. show their results. A separate lobe is summed at
+each pixel itself: between vertices its normal turns by more than it is wide. Suns and their shadows are computed for
+each ray. There are four rays per pixel, and the background is the environment itself with the suns' discs.
 """
 
 from collections.abc import Sequence

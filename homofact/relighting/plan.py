@@ -159,7 +159,7 @@ def plan_object(
 
 @dataclass(frozen=True)
 class _Considered:
-    """Ways to hold an object whose `probed` vertices stand for it; `allowed` is the error, K is given where `fixed`."""
+    """Candidate forms of an object, tested at its `probed` vertices; `allowed` is the error, K is given if `fixed`."""
 
     probed: ProbedVertices
     light: EnvironmentMap
@@ -240,7 +240,7 @@ def _wavelets(
 
 
 def _best_of_each(choices: list[PlannedTransport]) -> tuple[PlannedTransport, ...]:
-    """Of each form and number of terms the cheapest map, cheapest first."""
+    """Return the cheapest map for each form and number of terms, cheapest first."""
     best: dict[tuple[int, int | None, bool], PlannedTransport] = {}
     for each in choices:
         key = (each.terms, each.order, each.of_lobe is None)

@@ -1,14 +1,14 @@
-"""Precomputed transport: per vertex and term the few wavelet coefficients of g_k(ωi) V(ωi) cosθi (Wang 2004, (3)).
+"""Precomputed transport: a few wavelet coefficients of g_k(ωi) V(ωi) cosθi per vertex and term (Wang 2004, (3)).
 
-The visibility of a vertex is asked of Embree once over its upper hemisphere and serves every term. A vector keeps its N
-largest coefficients, as in the paper, or as many of a vertex's as leave out at most `tolerance` of the root sum square,
-each term weighted by how strong its view map is. What is kept is stored as 16-bit numbers times a scale a vector and a
-16-bit place.
+Embree computes the visibility of a vertex once over its upper hemisphere, for all terms. A vector keeps its N largest
+coefficients, as in the paper. With a `tolerance`, each vertex keeps as many as needed so that at most this share of the
+root sum square is left out, with each term weighted by the strength of its view map. A coefficient is stored as a
+16-bit number, with one scale per vector, and a 16-bit index.
 
-Vertices go in blocks, side by side in threads. Each block is written whole or not at all when a folder is given, under
-the fingerprint of everything that goes into it: a run that was stopped goes on with what is there. The finished blocks
-are then strung together in two files of that folder, which are mapped and not read: memory is bounded by the blocks at
-work and a few numbers a vector, however much is kept. `cost` says it before anything is traced.
+Threads process blocks of vertices. If a folder is given, each block is written there whole or not at all, under the
+fingerprint of all its inputs, so an interrupted run resumes with the finished blocks. These are then joined in two
+files of the folder, which are memory-mapped. Memory is therefore limited to the current blocks and a few numbers per
+vector, whatever the number of coefficients. `cost` estimates it before tracing starts.
 """
 
 import hashlib
@@ -47,8 +47,8 @@ _EXPECTED = "a block of transport that homofact wrote"
 class TransportSettings:
     """How transport is sampled and what of it is kept.
 
-    `cube` texels along a face; `rays` across each texel (1 or 2: one ray or four); `kept` coefficients a vector, unless
-    `tolerance` says how much of a vertex's root sum square may be left out.
+    `cube` texels along a face; `rays` across each texel (1 or 2: one ray or four); `kept` coefficients per vector,
+    unless `tolerance` says how much of a vertex's root sum square may be left out.
     """
 
     cube: int = 64
@@ -94,7 +94,7 @@ class WaveletTransport:
 
     @property
     def nbytes(self) -> int:
-        """What is stored of the vectors: 4 bytes a coefficient, a scale and a count of 2 bytes a vector."""
+        """Return the bytes of the vectors: 4 per coefficient, a scale and a count of 2 bytes per vector."""
         return self.index.nbytes + self.number.nbytes + self.scale.nbytes + 2 * len(self.scale)
 
     @property

@@ -70,7 +70,7 @@ class ProbedErrors:
         return self.share * np.array([_relative(self.smooth[:, group, n], whole) for n in range(len(self.orders))])
 
     def truncated(self, group: int, allowed: float) -> tuple[float, float, float]:
-        """(tolerance, its error, coefficients a vertex): the largest tolerance whose error is at most `allowed`."""
+        """Return (tolerance, error, coefficients per vertex) of the largest tolerance within `allowed` error."""
         whole = self.sent[:, group].sum(1)
         gone = self.squares[:, group].cumsum(1)
         left = self.sent[:, group].cumsum(1)

@@ -1,13 +1,13 @@
-"""Direct illumination of a mesh by Mitsuba 3 (the extra `mitsuba`): what relighting is held against.
+"""Direct illumination of a mesh by Mitsuba 3 (the extra `mitsuba`), the reference for relighting.
 
-The scene is the mesh with one material under an environment map, in the frame of `rendering.light`; light arrives from
-the map alone, no bounces unless `scene_picture` is asked for them. Each vertex has its own surface frame: the normal
-given and, for an anisotropic material, the tangent given.
+The scene is the mesh with one material under an environment map, in the frame of `rendering.light`. Light arrives only
+from the map; `scene_picture` can add bounces. Each vertex has its own surface frame, with the given normal and, for an
+anisotropic material, the given tangent.
 
-Conventions, those of `relighting`: light counts where it is above the horizon of the vertex normal and where a
-ray from the vertex, moved `offset` along that normal, leaves the mesh. The horizon of the triangles counts only by what
-the ray meets. A vertex is seen if the camera is above the horizon of its normal and the way between is free; the
-others' values are not computed and come back 0.
+The conventions are those of `relighting`: light counts if it is above the horizon of the vertex normal and if a ray
+from the vertex, moved `offset` along that normal, leaves the mesh. The horizon of the triangles matters only through
+the hits of this ray. A vertex is visible if the camera is above the horizon of its normal and nothing lies between
+them. Values of other vertices are not computed and are returned as 0.
 
 Estimates are Mitsuba's: emitter and material are both sampled and weighted by the power heuristic (Veach 1995), as its
 `direct` integrator does; `picture` runs that integrator itself.

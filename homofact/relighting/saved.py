@@ -46,7 +46,7 @@ class Part:
         self, name: str, shape: tuple[int | None, ...], most: float = _MOST, least: float | None = None,
         dtype: Any = np.float32,
     ) -> np.ndarray:  # fmt: skip
-        """Floats of a type from `least`, −`most` unless given, to `most`."""
+        """Return floats of a type between `least` (default: −`most`) and `most`."""
         low = -most if least is None else least
         return self._arrays.stored(self._prefix + name, dtype, shape, low, most)
 

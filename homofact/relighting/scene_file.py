@@ -1,6 +1,6 @@
-"""The scene of a relighting, read from strict TOML: objects with their materials, a light, cameras, what is kept.
+"""The scene of a relighting, read from strict TOML: objects with their materials, a light, cameras, stored terms.
 
-Objects, ground, light and cameras are those of `scene.scene_file`. A lighting that is named must be a map; beside them:
+Objects, ground, light and cameras are those of `scene.scene_file`. A named lighting must be a map. Further keys:
 
 seed = 0
 [[object]]
@@ -12,11 +12,11 @@ lobe = "auto"                      # "separate": a sharp lobe is summed for ever
 [ground]                           # terms, error, share or lobe, as above
 [lighting]                         # all optional, beside the map:
 sun = "separate"                   # a sun in the map becomes a light of its own, the default; or it stays in "texels"
-sun_radius = 0.27                  # of its disc in degrees; as in the map unless given
+sun_radius = 0.27                  # of its disc in degrees. Default: as in the map
 [[sun]]                            # none or more, beside the lighting
 direction = [0.3, 0.8, 0.5]        # towards the sun, y up
 irradiance = [3.1]                 # on a surface that faces it: one number, or one of red, green and blue
-radius = 0.27                      # of its disc, in degrees; that of the sun unless given
+radius = 0.27                      # of its disc, in degrees. Default: the radius of the sun
 [transport]                        # all optional
 cube = 64                          # texels along a face of the cube map: 8, 16, 32 or 64
 rays = 1                           # across a texel, 1 or 2
@@ -25,8 +25,8 @@ tolerance = 0.05                   # or: what of a vertex's root sum square may 
 bounces = 0                        # 1: light that reaches a surface by way of another one too
 clusters = 0                       # clustered principal components; 0 is none, −1 as many as suit the vertices
 components = 12
-[tolerance]                        # optional, in place of error, share, kept, clusters and the tolerance above:
-reflected = 0.02                   # `plan` chooses all of them so that the light errs by this at most, relative RMS
+[tolerance]                        # optional, replaces error, share, kept, clusters and the tolerance above:
+reflected = 0.02                   # largest relative RMS error of the light; `plan` chooses all of them to meet it
 """
 
 import math
@@ -92,7 +92,7 @@ class _Transport:
     tolerance: float | None = None
     bounces: int = option(0, "Bounces of light between surfaces: none, or one", least=0, most=1)
     clusters: int | None = option(None, "Clustered principal components; 0 is none, -1 as many as suit", least=-1)
-    components: int = option(COMPONENTS, "Of a cluster", least=1, most=64)
+    components: int = option(COMPONENTS, "Components per cluster", least=1, most=64)
 
 
 @dataclass(frozen=True)
@@ -105,7 +105,7 @@ class RelightLightTable(LightTable):
     """The lighting, and what becomes of a sun in its map: a light of its own, or it stays in the texels."""
 
     sun: str = option(SEPARATE_SUN, "Whether a sun in the map becomes a light of its own", choices=MAP_SUNS)
-    sun_radius: float | None = option(None, "Of its disc in degrees; as in the map unless given", above=0, most=20)
+    sun_radius: float | None = option(None, "Radius of its disc in degrees. Default: as in the map", above=0, most=20)
 
     def __post_init__(self) -> None:
         """Refuse a radius of a sun that stays in the map. Raises BadInput."""
@@ -124,7 +124,7 @@ class RelightSceneTable(SceneTable):
     sun: tuple[RelightSunTable, ...] = ()
     transport: _Transport = _Transport()
     tolerance: _Tolerance | None = None
-    seed: int = option(0, "Of clusters and of the vertices that errors are measured at", least=0, most=MOST_SEED)
+    seed: int = option(0, "Seed of the clusters and of the vertices where errors are measured", least=0, most=MOST_SEED)
 
     def __post_init__(self) -> None:
         """Refuse a tolerance beside what it chooses. Raises BadInput."""

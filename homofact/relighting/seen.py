@@ -1,8 +1,8 @@
-"""Places that an eye sees, and the exact sum of their light: what every approximation is held against.
+"""Visible vertices and the exact sum of their light, the reference for every approximation.
 
-Vertices count by the area that they take in a picture: a third of the solid angle of each triangle that they belong to.
-They are drawn in proportion to it, with one random number and even steps, so that a mean over those drawn is one over
-the picture. The rim is a part of it like any other.
+Vertices are weighted by their area in a picture: a third of the solid angle of each of their triangles. They are
+sampled in proportion to it, with one random number and equal steps, so that a mean over the samples is a mean over the
+picture, including the rims of objects.
 """
 
 from collections.abc import Sequence
@@ -118,7 +118,7 @@ def seen_vertices(
 
 
 def vertex_areas(mesh: Mesh, eye: np.ndarray) -> np.ndarray:
-    """The solid angle (V,) that each vertex stands for, as the eye sees it: of triangles whose normals face it."""
+    """Return the solid angle (V,) of each vertex as seen from the eye: its part of the triangles that face the eye."""
     corners = mesh.positions[mesh.triangles]
     area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
     # The side that the vertices' normals are on.

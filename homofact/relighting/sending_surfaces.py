@@ -1,9 +1,9 @@
-"""The light that the surfaces of a scene send to points, summed in full: what interreflection is held against.
+"""The full sum of the light that the surfaces of a scene send to points, the reference for interreflection.
 
-Directions that follow the point's own lobe (`geometry.quadrature`) are traced to what they meet. What that surface
-sends back the same way is the sum over the texels of a coarse cube map of the sky, with its own reflectance and its own
-shadows, and the light of suns, `widened` so that no single direction meets a mirrored one. The point's own reflectance
-takes it from there: nothing is assumed to be matt.
+Directions that follow the lobe of the point (`geometry.quadrature`) are traced to the surfaces they hit. The light that
+such a surface sends back is the sum over the texels of a coarse cube map of the sky, with the surface's own reflectance
+and shadows, and the light of suns, which are `widened` so that a mirror image of a sun covers several directions. The
+reflectance of the point is then applied to this light. No surface is assumed to be matt.
 """
 
 from collections.abc import Sequence

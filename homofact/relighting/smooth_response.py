@@ -1,4 +1,4 @@
-"""What a material sends to a viewer of smooth light: its response to Zernike's polynomials of the projected hemisphere.
+"""The response of a material to smooth light, given by Zernike's polynomials on the projected hemisphere.
 
 A direction ω = (x, y, z) of the hemisphere lies at (x, y) on the unit disc, and dx dy = cosθ dω: an integral of
 radiance against a cosine is one over the disc. On it Zernike's polynomials (1934) are orthonormal,
@@ -6,7 +6,8 @@ radiance against a cosine is one over the disc. On it Zernike's polynomials (193
     Z_nm = √((2 − δ_m0)(n + 1)/π) R_nm(r) cos mφ  or  sin mφ,    n − m even, n ≤ order,
 
 so that incident light has the coefficients c_j = ∫ L(ωi) Z_j cosθi dωi. Its smooth part Σ c_j Z_j sends Σ c_j h_j(ωo)
-to a viewer, h_j(ωo) = ∫ f(ωi, ωo) Z_j(ωi) cosθi dωi. Of a matt material only h_0 is not 0: a(ωo)/√π, a its albedo.
+to a viewer, h_j(ωo) = ∫ f(ωi, ωo) Z_j(ωi) cosθi dωi. For a matt material only h_0 is not 0: it is a(ωo)/√π, with a the
+albedo.
 """
 
 import math

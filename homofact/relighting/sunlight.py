@@ -1,10 +1,9 @@
 """Suns beside the sky of a relit scene: explicit lights with soft shadows, not texels of its cube map.
 
 A texel of a cube map of 64² is 1.4° wide, three times the sun: its shadow is too soft, and wavelets ring about it. So a
-sun is summed by itself: E(ω) f(ω, ωo) cosθ times the part of its disc that a point sees. f is asked of tables
-(`lobe_table.sun_tables`), for the middle of the disc or, where the disc is wider than the lobe, for several of its
-directions. What is seen of the disc is traced, for the pixels of a picture at each of their rays, and once for every
-vertex.
+sun is summed separately: E(ω) f(ω, ωo) cosθ times the part of its disc that is visible from a point. f is read from
+tables (`lobe_table.sun_tables`), for the middle of the disc or, if the disc is wider than the lobe, for several of its
+directions. The visible part of the disc is traced once for every vertex, and in pictures for each ray of a pixel.
 
 A ray from a flat triangle below an interpolated normal meets its neighbours near the terminator. It starts from the
 point lifted to the tangent planes of its corners (Hanika 2021, Hacking the Shadow Terminator): of each corner v with

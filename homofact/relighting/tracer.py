@@ -1,4 +1,4 @@
-"""What a vertex sees of its surroundings: the texels of a cube map, asked of Embree ray by ray."""
+"""The visibility of the surroundings from a vertex: Embree traces one ray per sample of a cube map's texels."""
 
 import numpy as np
 

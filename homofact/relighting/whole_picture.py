@@ -1,9 +1,9 @@
 """The whole picture of a relit scene against the sum over every texel at each of its pixels: relative RMS, PSNR, FLIP.
 
-The first camera at `ROWS` rows, one ray a pixel. Shown is what the factors, lobes and suns give there, exact is the
-reflectance itself under every texel of the cube map and 64 directions of each sun. Both are tone-mapped at the exposure
-that suits the exact picture and compared before they are rounded to 8 bits; PSNR and FLIP are means over the objects'
-pixels. A soft end of the ground is left away in both.
+The pictures show the first camera at `ROWS` rows with one ray per pixel. The approximate picture uses the factors,
+lobes and suns. The exact one uses the reflectance itself under every texel of the cube map and 64 directions of each
+sun. Both are tone-mapped at the exposure of the exact picture and compared before they are rounded to 8 bits; PSNR and
+FLIP are means over the objects' pixels. Both leave out the soft edge of the ground.
 """
 
 import math

@@ -1,12 +1,12 @@
 """A cube map with levels: where its texels look, and light read from it as a sampler reads it.
 
-Faces stand in the order of KTX2, DDS, OpenGL, Direct3D and WebGPU: +x, −x, +y, −y, +z, −z. On each, s grows along a row
-and t from row to row, both from −1 to 1; with (s, t) the direction is, up to its length (OpenGL ES 3.0, table 3.21),
+Faces have the order of KTX2, DDS, OpenGL, Direct3D and WebGPU: +x, −x, +y, −y, +z, −z. On each, s grows along a row and
+t from row to row, both from −1 to 1; with (s, t) the direction is, up to its length (OpenGL ES 3.0, table 3.21),
 
     +x (1, −t, −s)   −x (−1, −t, s)   +y (s, 1, t)   −y (s, −1, −t)   +z (s, −t, 1)   −z (−s, −t, −1).
 
-A reading is bilinear on two levels and linear between them. Texels beyond an edge are those of the face on the other
-side, and beyond a corner the mean of the three that meet there, as in every graphics interface of today.
+Lookups are bilinear on two levels and linear between them. Texels beyond an edge are those of the adjacent face, and a
+texel beyond a corner is the mean of the three that meet there, as in all current graphics interfaces.
 """
 
 from collections.abc import Sequence
@@ -34,7 +34,7 @@ def directions_of(side: int) -> Tensor:
 class Cube(NamedTuple):
     """Levels ready to be read: `texels` (T, 3) float64, each level face by face and row by row with a rim of one texel.
 
-    Level k begins at `starts`[k] and has `sides`[k] texels a side without the rim.
+    Level k begins at `starts`[k] and has `sides`[k] texels per side without the rim.
     """
 
     texels: np.ndarray

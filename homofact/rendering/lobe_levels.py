@@ -31,7 +31,7 @@ _BANDS = 20  # times 1/α of the narrowest kernel, whose coefficients are nothin
 
 
 class Potentials(NamedTuple):
-    """Of a chain's L kernels: `potential` (L, POINTS) φ, and `overlap` (L, L, POINTS) Q."""
+    """Tables for the L kernels of a chain: `potential` (L, POINTS) φ, and `overlap` (L, L, POINTS) Q."""
 
     potential: np.ndarray
     overlap: np.ndarray

@@ -1,6 +1,7 @@
-"""What `rendering.filtered` asks of a material: the flux of its lobe in patches, and a table of the rest.
+"""The data that `rendering.filtered` needs of a material: the flux of its lobe in patches, and a table of the rest.
 
-The same for every light; a material is asked at a grid of normals, with the viewer in the xz-plane of each.
+They are the same for every light. A material is evaluated at a grid of normals, with the viewer in the xz-plane of
+each.
 """
 
 import math
@@ -132,7 +133,7 @@ def _window(theta: Tensor) -> Tensor:
 
 
 def base_of(material: PatchedMaterial) -> Tensor:
-    """What of f stands under the lobe (A, L, 1, 1, 3): its least value where the window ends."""
+    """Return the base of f under the lobe (A, L, 1, 1, 3): its least value where the window ends."""
     theta, spokes = material.grid.angles(), material.grid.spokes
     turn = (torch.arange(spokes, dtype=torch.float64) + 0.5) * (2 * math.pi / spokes)
     polar = torch.full((len(theta), 1, spokes), WINDOW[1], dtype=torch.float64)

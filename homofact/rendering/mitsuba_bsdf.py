@@ -5,7 +5,7 @@
     homofact.rendering.mitsuba_bsdf.register()
     bsdf = mitsuba.load_dict({"type": "homofact", "filename": "out/blue_paint"})
 
-`filename` is a result's folder or its factorization.npz. Mitsuba's ωo, the direction that is asked for, is the light
+`filename` is a result's folder or its factorization.npz. Mitsuba's ωo, the sampled direction, is the light
 and its ωi the viewer where radiance is transported; where importance is, the other way round. `eval` contains the
 cosine, as Mitsuba expects. The material has a front only: put it into `twosided` for both. An anisotropic one needs a
 shape with texture coordinates, whose first gives the tangent.

@@ -55,10 +55,10 @@ class Pyramid(NamedTuple):
         return cls(texels, starts, np.array([len(level) for level in levels]), solid)
 
     def lamps(self, coarse: int, fine: int) -> tuple[np.ndarray, np.ndarray]:
-        """(directions (K, 3), radiance times solid angle (K, 3)) of lamps that stand for the whole light.
+        """Return lamps that approximate the whole light: (directions (K, 3), radiance times solid angle (K, 3)).
 
-        One for each of coarse² cells, at the centre of the cell's light; cells with more than twice the mean of all are
-        divided, down to fine² cells. Both are powers of two.
+        There is one lamp for each of coarse² cells, at the centroid of the cell's light. Cells with more than twice the
+        mean light are divided, down to fine² cells. Both are powers of two.
         """
         side = int(self.sides[0])
         inner = self.texels[: (side + 2) ** 2].reshape(side + 2, side + 2, 3)[1:-1, 1:-1]

@@ -1,4 +1,4 @@
-"""One chain for a sky and all materials: a cube map whose levels hold the light averaged over wider and wider lobes.
+"""One prefiltered chain per sky for all materials: a cube map whose levels average the light over widening lobes.
 
 Level k is the light round every direction, weighted by a power of the cosine (`rendering.chain_kernels`). A level has
 half the side of the one before, down to `LAST`; α grows geometrically, from `TEXELS`/side at the first level to 1 at
@@ -6,8 +6,8 @@ the last: the last level is E(n)/π, the irradiance over π. A lobe is thus some
 vectors of GGX, by which engines weigh, have tails that no sum of levels takes off again; sums of cosine powers have
 those of measured lobes.
 
-The irradiance stands in a cube map of its own too, of `IRRADIANCE` texels a side, as engines have it: it has a kink
-where a lamp sets, which the last level's few texels would show as steps.
+The irradiance is also stored in a separate cube map of `IRRADIANCE` texels per side, as in engines: it has a kink where
+a lamp sets, which the few texels of the last level would show as steps.
 
 Light is read from the environment's pyramid (`rendering.octahedral`) on rings round each texel's direction, at places
 about as far apart as rings are, averaged over their own solid angle.
@@ -77,10 +77,10 @@ class SkyChain:
 
 
 def check_side(side: int) -> None:
-    """Raise BadInput unless a chain may begin with faces of so many texels a side."""
+    """Raise BadInput unless a chain can begin with faces of `side` texels per side."""
     if not LEAST_SIDE <= side <= MOST_SIDE or side & (side - 1):
         wanted = f"a power of two from {LEAST_SIDE} to {MOST_SIDE}"
-        raise BadInput(where="faces of the sky", found=f"{side} texels a side", expected=wanted)
+        raise BadInput(where="faces of the sky", found=f"{side} texels per side", expected=wanted)
 
 
 def sides_of(side: int) -> list[int]:

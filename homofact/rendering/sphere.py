@@ -80,7 +80,7 @@ def render_sphere(
 def _directional(
     shade: Callable[[Tensor, Tensor], Tensor], light: DirectionalLight, surface: Surface, batch: int
 ) -> Tensor:
-    """Radiance (P, C) under one directional light; 0 where it stands under the horizon."""
+    """Return the radiance (P, C) under one directional light; 0 where the light is below the horizon."""
     wi = surface.frame @ light.unit()
     lit = (wi[:, 2] > 0).nonzero()[:, 0]
     levels = torch.tensor(light.levels(), dtype=torch.float64)

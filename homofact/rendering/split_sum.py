@@ -1,24 +1,25 @@
-"""What a material reflects, put on the levels of a sky's chain: its table over the viewer's angle.
+"""The reflection of a material, expressed by the levels of a sky's chain: a table over the viewer's angle.
 
     ∫ f cosθi L dωi ≈ Σk Sk(θo) P(mk, ℓk) + D(θo) E(n)/π,    mk = norm(rk + tk(θo) n),
     rk = 2 (hk·ωo) hk − (hk·hk) ωo,    hk = n + ak(θo) g,
 
-P(m, ℓ) the chain at the fractional level ℓk(θo), linear between two; g is a direction in the surface, across the grain
-of what is anisotropic, along which half vectors spread: rk mirrors ωo at one of them. Of what is isotropic all ak are 0
-and rk is the mirror direction. S and D are the shares of the channels, the rest is common to them. S and D add up to
-the albedo of every θo and channel: where light is the same from everywhere, the sum is exact. On our own chain they
-are ≥ 0. On an engine's they may be below 0, to take GGX's long tails off again, and the sum is cut off at 0. Engines
-themselves have one such lobe, round r, of a level that no angle changes (Karis 2013).
+P(m, ℓ) is the chain at the fractional level ℓk(θo), interpolated linearly between two levels. g is a direction in the
+surface, across the grain of an anisotropic material, along which half vectors spread: rk mirrors ωo at one of them. For
+an isotropic material all ak are 0 and rk is the mirror direction. S and D are given per channel; the other parameters
+are common to all channels. S and D add up to the albedo for every θo and channel, so the sum is exact under uniform
+light. On homofact's own chain they are ≥ 0. On the chain of an engine they may be negative, to compensate for the long
+tails of GGX, and the sum is clipped at 0. Engines themselves use one such lobe, round r, with a level that does not
+depend on the angle (Karis 2013).
 
-Levels, leans, spreads and shares make E of `rendering.lobe_levels` least, the mean square error under skies as they
-are: for given lobes the shares are known, the lobes are searched by Nelder and Mead's simplex at every θo from those
-of its neighbour, once downwards from the normal and once upwards from the horizon; kept is what is better on the
-whole. A small price on change keeps lobes that have no share from straying. An anisotropic material has three lobes:
-one in the middle, and two alike on both sides of it.
+Levels, tilts, spreads and shares minimise E of `rendering.lobe_levels`, the mean square error under natural skies. For
+given lobes the shares follow directly. Nelder and Mead's simplex searches the lobes at every θo, starting from those of
+the neighbouring angle: once downwards from the normal and once upwards from the horizon. The better of the two tables
+is kept. A small penalty on changes keeps lobes without a share from drifting. An anisotropic material has three lobes:
+one in the middle, and two equal ones on both sides of it.
 
-What is lost: lobes that are not round, as all are at grazing angles; what the viewer's azimuth changes of an
-anisotropic material but by way of g; what is narrower than the chain's first level; the horizon, which cuts the true
-lobe.
+The approximation loses four things: the shape of lobes that are not round, as at grazing angles; effects of the
+viewer's azimuth on an anisotropic material other than through g; detail narrower than the first level of the chain; and
+the horizon, which cuts the true lobe.
 """
 
 import math
@@ -187,7 +188,7 @@ class _Layout:
 
     @property
     def kinds(self) -> tuple[int, ...]:
-        """Of each number searched: 0 a level, 1 a tilt, 2 a spread."""
+        """Return the kind of each searched number: 0 for a level, 1 for a tilt, 2 for a spread."""
         return (0, 1, 0, 1, 2) if self.paired else (0, 1) * self.count
 
 

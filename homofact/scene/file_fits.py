@@ -1,8 +1,9 @@
-"""Files of measurements in a scene: each is fitted once, and the fit stands for it.
+"""Files of measurements in a scene: each is fitted once, and the fit replaces it.
 
-Relighting and editing ask a material for millions of values, and an interpolation of samples takes several times as
-long as a fit. A table, which does not, is fitted too: edits go into a fit's textures, and the fit can be exported. What
-is stated of a scene's light is against the fit; how far the fit is from the file stands beside it.
+Relighting and editing evaluate a material millions of times, and interpolating samples takes several times as long as a
+fit. Tables are as fast as a fit, but are fitted too, since edits need the textures of a fit and fits can be exported.
+The errors of a scene's light are measured against the fit; the error of the fit against the file is reported beside
+them.
 """
 
 import hashlib
@@ -25,10 +26,10 @@ _FACTS = "stands_for"
 
 @dataclass(frozen=True)
 class FileFit:
-    """A fit that stands for a file, saved as `name`.
+    """A fit that replaces a file, saved as `name`.
 
     `errors` has "held_out", the mean absolute error of the logarithms on samples that were held out, and "sky", the
-    relative error of a sphere's radiance under a sky (None of a file that is known at its samples alone).
+    relative error of a sphere's radiance under a sky (None for a file that has only samples).
     """
 
     name: str
@@ -44,11 +45,11 @@ class FileFit:
         return {"file": self.name, **self.errors}
 
     def sentence(self, words: str) -> str:
-        """What the fit is, and how far off."""
+        """Describe the fit and its errors in one sentence."""
         held_out, sky = self.errors["held_out"], self.errors["sky"]
         shown = "" if sky is None else f", a sphere under a sky off by {sky:.1%}"
         size = f"{METHOD.textures} textures of {METHOD.size}²"
-        return f"{Path(words).name}: a fit of {size} stands for it, MALE {held_out:.3f} on held-out samples{shown}"
+        return f"{Path(words).name}: replaced by a fit of {size}, MALE {held_out:.3f} on held-out samples{shown}"
 
 
 @dataclass

@@ -1,7 +1,7 @@
-"""The folders of scenes that `relight` and `edit` write: an archive, a report in JSON, a picture a camera, and the
-fits that stand for files of measurements.
+"""The folders that `relight` and `edit` write: an archive, a JSON report, a picture per camera, fits of measurements.
 
-Each is written whole or not at all, and is known by its archive (`files.kinds`); the report has the same name in JSON.
+Each folder is written whole or not at all, and its archive identifies it (`files.kinds`). The report has the name of
+the archive, with the ending .json.
 """
 
 from collections.abc import Callable, Iterable, Sequence

@@ -1,9 +1,9 @@
-"""The light a scene stands in, and what it can excite: lights for pictures, energies by order for theory.
+"""The light of a scene: lights for pictures, and energies by order for theory.
 
-Average over all turnings of the lighting against the surface. With a lobe g(ωi) = f cosθi of one view, B = ∫ L g
-has the mean square Σ_l E_l e_l/(2l+1), E_l = Σ_m L_lm² of the lighting and e_l = Σ_m g_lm² of the lobe: the cross
-terms of (3.5) vanish and every m counts alike. An order that the lighting does not hold costs nothing, however
-sharp the lobe is there. Orders are looked at up to `ORDER`; a directional light holds all of them alike (3.13).
+The theory averages over all rotations of the lighting against the surface. With a lobe g(ωi) = f cosθi of one view, B =
+∫ L g has the mean square Σ_l E_l e_l/(2l+1), E_l = Σ_m L_lm² of the lighting and e_l = Σ_m g_lm² of the lobe: the cross
+terms of (3.5) vanish and every m has equal weight. An order that is absent from the lighting costs nothing, however
+sharp the lobe is. Orders up to `ORDER` are used; a directional light has equal energy in all of them (3.13).
 """
 
 import math

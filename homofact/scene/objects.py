@@ -61,7 +61,7 @@ class GroundTable(MaterialTable):
 
 @dataclass(frozen=True)
 class SceneObject:
-    """An object in its place: its mesh in the world and its material, opened."""
+    """A placed object: its mesh in world coordinates and its opened material."""
 
     mesh: Mesh
     material: OpenedMaterial

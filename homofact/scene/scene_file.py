@@ -1,9 +1,9 @@
-"""The file of a scene with objects in their places, read from strict TOML: what relighting and editing have alike.
+"""The file of a scene with placed objects, read from strict TOML: the keys that relighting and editing share.
 
 [[object]]                         # one or more
 mesh = "knot.ply"                  # OBJ, PLY or glTF, relative to the scene's file; or shape:sphere, shape:knot. A glTF
                                    # file without material and albedo is an object for each part, with its own material;
-                                   # "scene.glb#lamp" is the part "lamp" alone
+                                   # "scene.glb#lamp" is only the part "lamp"
 material = "material:phong-30"     # a file, relative to the scene's; a result of `factorize`; or a material's name
 albedo = [0.5]                     # or this: matt (Lambert), one number or one of red, green and blue
 size = 1.0                         # radius of the sphere round it
@@ -18,7 +18,7 @@ environment = "sky.hdr"
 named = "studio"
 turn = 0                           # degrees about y
 [[camera]]                         # one or more: the fixed views, or what is rendered
-name = "front"                     # "view 1" and so on unless given
+name = "front"                     # Default: "view 1" and so on
 eye = [0, 1, 4]
 target = [0, 0, 0]
 field = 40                         # degrees from top to bottom

@@ -21,7 +21,7 @@ class SurfaceTint:
 
     @classmethod
     def of(cls, picture: np.ndarray, uv: np.ndarray) -> "SurfaceTint":
-        """Of a picture (H, W, 3) in linear light. Raises BadInput for what is no such picture."""
+        """Make the tint of a picture (H, W, 3) in linear light. Raises BadInput for other arrays."""
         if picture.ndim != 3 or picture.shape[2] != 3 or not picture.size:
             raise BadInput(where="texture", found=f"a picture of shape {picture.shape}", expected="(H, W, 3)")
         mean = picture.mean((0, 1))
@@ -29,7 +29,7 @@ class SurfaceTint:
 
     @property
     def nbytes(self) -> int:
-        """The texture, three bytes a texel as it is shipped, and the coordinates."""
+        """Return the bytes of the texture, three per texel as exported, and of the coordinates."""
         return self.tints.size + 8 * len(self.uv)
 
     def at(self, uv: np.ndarray) -> np.ndarray:

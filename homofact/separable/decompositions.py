@@ -1,9 +1,9 @@
 """Decompositions of a BRDF matrix M (rows: texels of one direction, columns: of the other) into K products.
 
 * `svd`: the best rank-K approximation in the Frobenius norm (Eckart and Young), for any M.
-* `eigen`: for a symmetric M, which reciprocity and equal maps of ωi and ωo give, Σ sk uk ukᵀ with the K
-  eigenvalues of largest size; sk = −1 where the eigenvalue is negative (Wang, Tran and Luebke 2004, 3.2). As good
-  as the SVD, with one texture a term instead of two.
+* `eigen`: for a symmetric M, which reciprocity and equal maps of ωi and ωo give, Σ sk uk ukᵀ with the K eigenvalues of
+  largest size; sk = −1 where the eigenvalue is negative (Wang, Tran and Luebke 2004, 3.2). As good as the SVD, with one
+  texture per term instead of two.
 * `power`: the same by power iteration with deflation (ibid., appendix), to the same numbers.
 * `normalized`: one term, for any M ≥ 0: each row's norm, times the mean of the rows after division by it (Kautz
   and McCool 1999). We take the 1-norm, so the sum of every row of M is kept.

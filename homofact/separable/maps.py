@@ -5,10 +5,10 @@
 * polar: u = φ/π, v = 2√(1 − ωz) − 1 (ibid., eq. 8); its first and last column are one meridian, and its first
   row is the normal.
 
-Texels as everywhere: coordinate −1 is the centre of the first, +1 of the last. The two disc maps leave texels in
-the corners that no direction reads. Texels beyond the rim that a direction does read stand for the nearest point of
-the rim. There f is asked for a little above the horizon (`LEAST_COSINE`), where models that divide by the cosines
-are still finite.
+Texels are placed as in all textures: coordinate −1 is the centre of the first, +1 of the last. In the two disc maps no
+direction reads the texels in the corners. Texels beyond the rim that some direction reads have the value at the nearest
+point of the rim. There f is evaluated a little above the horizon (`LEAST_COSINE`), where models that divide by the
+cosines are still finite.
 """
 
 import math

@@ -1,11 +1,11 @@
 """The result of a separable fit: f(a, b) ≈ Σk sk gk(a) hk(b), cut at zero, on two direction maps.
 
-(a, b) are (ωi, ωo) or (h, d). In a reciprocal in-out fit gk = hk, so f(ωi, ωo) = f(ωo, ωi) to the last bit, and a
-term stores one texture. The factors of an SVD have both signs and their truncated sum may fall below zero; it is
-cut there when it is evaluated (Wang, Tran and Luebke 2004 leave such values in and see false colours, 4.1), and
-`clipped` says how often that happens. Channels are factored each by itself, as there (3.2).
+(a, b) are (ωi, ωo) or (h, d). In a reciprocal in-out fit gk = hk, so f(ωi, ωo) = f(ωo, ωi) to the last bit, and a term
+stores one texture. The factors of an SVD have both signs and their truncated sum may be negative. Evaluation clips it
+at zero (Wang, Tran and Luebke 2004 keep such values and see false colours, 4.1), and `clipped` measures how often this
+happens. Each channel is factored separately, as in their paper (3.2).
 
-All that an evaluation needs is in one .npz file of plain arrays and a JSON header.
+One .npz file of plain arrays with a JSON header contains everything that an evaluation needs.
 """
 
 import os
@@ -141,7 +141,7 @@ class Separable:
 
     @property
     def textures(self) -> tuple[Texture, ...]:
-        """Of every term its first factor and, where it has one, its second."""
+        """Return the first factor of every term and, if it has one, the second."""
         sides = [_LETTERS[letter] for letter in LETTERS[self.parameterization]]
         found = []
         for k, term in enumerate(self.terms):

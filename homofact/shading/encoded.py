@@ -29,7 +29,7 @@ class Encoded:
 
     @cached_property
     def sampled(self) -> np.ndarray:
-        """What a sampler finds at texel centres, whole numbers undivided: `stored`, but for what blocks lose of it."""
+        """Return the values of a sampler at texel centres, integers undivided: `stored` after block compression."""
         if self.storage != "bc6h":
             return self.stored
         rows, columns, channels = self.stored.shape

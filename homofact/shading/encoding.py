@@ -1,16 +1,16 @@
-"""What a texture becomes when it is stored: float32, float16, whole numbers of 8 or 16 bits, or blocks of BC6H.
+"""Storage of a texture: float32, float16, integers of 8 or 16 bits, or blocks of BC6H.
 
-A stored texel t stands for p = scale · t + bias, per channel, with t in [0, 1] for whole numbers and scale 1 for
-floats; p is a logarithm of a product, or a factor of a sum of products. Interpolation is linear, so a sampler may
-interpolate t and the shader decode the result. float16 holds 11 bits of a number: its bias is the middle of the
-texture's range, which keeps numbers small.
+A stored texel t encodes p = scale · t + bias, per channel, with t in [0, 1] for integers and scale 1 for floats; p is a
+logarithm of a product, or a factor of a sum of products. Interpolation is linear, so a sampler can interpolate t and
+the shader decodes the result. float16 stores 11 bits of a number. Its bias is the middle of the texture's range, which
+keeps the numbers small.
 
-BC6H (`containers.bc6h`) interpolates the patterns of halves: linearly within a power of two, geometrically across
-several, and wildly through zero, next to which it is finest. So a texture's range is kept on one side of zero: with R
-the widest channel's range, t = (p − bias)/R runs from a to a + 1, or from −a − 1 to −a, where each channel begins at
-the same end. One scale for all channels keeps their errors alike in the sum that the blocks minimise. How far from
-zero is best (a small a is fine at one end, a large one even) depends on the texture: both sides of three a are tried,
-and the least error inside the mask is kept.
+BC6H (`containers.bc6h`) interpolates the bit patterns of halves: linearly within a power of two, geometrically across
+several, and with large errors through zero, near which it is finest. So a texture's range is kept on one side of zero.
+With R the range of the widest channel, t = (p − bias)/R runs from a to a + 1, or from −a − 1 to −a, where each channel
+begins at the same end. One scale for all channels gives them equal weight in the error that the blocks minimise. The
+best distance a from zero depends on the texture: a small a is fine at one end, a large one is even. Both signs of three
+values of a are tried, and the one with the least error inside the mask is kept.
 """
 
 from itertools import product

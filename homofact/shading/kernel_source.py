@@ -253,7 +253,7 @@ def _by_depth(program: Program) -> list[tuple[list[Let], list[Let]]]:
 
 
 def _kept(program: Program, phases: Sequence[tuple[list[Let], list[Let]]]) -> list[str]:
-    """Scalars that are read in another loop than the one that makes them, but for directions and fetched values."""
+    """Return the scalars that one loop computes and another reads, except directions and fetched values."""
     made: dict[str, int] = {}
     kept: list[str] = []
     for number, (lets, fetches) in enumerate(phases):

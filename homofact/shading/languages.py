@@ -1,8 +1,8 @@
 """The program printed as GLSL ES 3.00, HLSL and WGSL, and in the dialects of MaterialX, Godot and three.js.
 
-All are functions to paste into a shader: `PREFIX_evaluate(wi, wo)` and the declarations of its textures. A
-fetch names its level, so that it may stand in any control flow and any stage. The value is a vector of as many
-components as there are channels, a scalar for one.
+All are functions to paste into a shader: `PREFIX_evaluate(wi, wo)` and the declarations of its textures. A fetch
+specifies its level, so it is valid in any control flow and any stage. The value is a vector with one component per
+channel, or a scalar for one channel.
 """
 
 from collections.abc import Callable, Sequence
@@ -151,7 +151,7 @@ def tables_text(tables: Tables, language: Language, prefix: str) -> str:
 
 
 def _size(program: Program, shape: tuple[int, ...]) -> str:
-    """A texture's size in a comment, columns first; layers last. Of a cube map its faces and levels."""
+    """Return a texture's size for a comment: columns, rows, layers; for a cube map its faces and levels."""
     if _is_cube(shape):
         levels, faces, rows, columns = shape
         return f"{faces} faces of {columns} x {rows}, {levels} levels"

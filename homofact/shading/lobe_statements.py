@@ -64,7 +64,7 @@ def sample_statements(grained: bool) -> list[Let]:
     return [
         *_seen(grained),
         *_turns(),
-        Let("side", call("step", 0.5, u.x) * 2 - 1, "as likely on both sides of the plane of incidence"),
+        Let("side", call("step", 0.5, u.x) * 2 - 1, "equal probability on both sides of the plane of incidence"),
         *_inverted("around", "turns", PHIS, call("abs", u.x * 2 - 1) * variable("turns_sum", 1), False),
         *ray_statements(grained),
         *_lobe(grained),

@@ -53,7 +53,7 @@ def node_graph(program: Program) -> NodeGraph:
 
 @dataclass
 class _Value:
-    """What an expression became: one vector, its components, or both once both were asked for."""
+    """The result of an expression: one vector, its components, or both if both are needed."""
 
     dimension: int
     whole: Reference | None = None

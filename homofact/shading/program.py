@@ -1,19 +1,20 @@
-"""The shading program of a fit: f(ωi, ωo) from its stored textures, nothing in it that it does not need.
+"""The shading program of a fit: it computes f(ωi, ωo) from the stored textures with the fewest operations.
 
 For a product, whose textures hold logarithms p,
 
     f = max(0, exp(Σ fetches + B) − εA) · [both directions above the horizon],   B = log A + Σ biases
 
-which is A max(0, exp(Σ p) − ε) with A and the biases of stored textures taken into one constant; logs above `MOST` are
-cut, as Python does, only where the textures can add up to that. For a sum of products f = max(0, Σk sk gk hk) per
-channel. A lookup's place is (u, v) = M x in [−1, 1]²; the sampler's coordinate ((u + 1)/2 (n − 1) + ½)/n of a side of n
-texels is affine in it, and both, with the coordinates' own scales, are folded into one matrix and one offset.
+which is A max(0, exp(Σ p) − ε) with A and the biases of stored textures combined into one constant. Logs above `MOST`
+are clipped, as in Python, but only if the textures can reach this sum. For a sum of products, f = max(0, Σk sk gk hk)
+per channel. A lookup reads the place (u, v) = M x in [−1, 1]². The sampler's coordinate ((u + 1)/2 (n − 1) + ½)/n of a
+side of n texels is affine in it, so both, with the scales of the coordinates, are folded into one matrix and one
+offset.
 
 Several materials whose textures have the same projections and sizes are the layers of texture arrays: fetches read the
-layer that the function is given, and log A and εA, which differ, stand in tables with a row for each layer.
+layer that is an argument of the function, and tables with a row per layer contain log A and εA, which differ.
 
-A texture that goes round comes with its first row (or column) once more behind the last (`Term.flat`): M texels evenly
-round and the first again are M + 1 from −1 to +1, so the same place is read, and every sampler clamps.
+A periodic texture repeats its first row (or column) after the last one (`Term.flat`): M texels round the circle and the
+repeated one are M + 1 texels from −1 to +1. So every sampler clamps and reads the same place.
 """
 
 from collections.abc import Mapping, Sequence

@@ -1,9 +1,9 @@
-"""What loops of numba's cannot say: several numbers that lie side by side are read, mixed and written as one vector.
+"""Vector operations that loops in numba cannot express: adjacent numbers are read, mixed and written as one vector.
 
-A fetch wants the channels of four texels, which lie side by side; a loop over pairs of directions would gather each
-number by itself. Directions come and values go three numbers a pair, while all else is computed many pairs at once, and
-a compiler takes that apart number by number. These functions are written in the compiler's own vectors (LLVM's), which
-every processor has some form of; they are for kernels of numba alone.
+A fetch needs the channels of four texels, which are adjacent in memory; a loop over pairs of directions would gather
+each number separately. Directions are read and values are written as three numbers per pair, while everything else is
+computed for many pairs at once; a compiler splits these accesses into single numbers. These functions use the vectors
+of the compiler (LLVM), which map to the instructions of every processor. Only kernels of numba can call them.
 """
 
 from collections.abc import Callable

@@ -1,15 +1,15 @@
-"""One cell of the atlas: a method on a stressed problem, and whether the program says what happened.
+"""One cell of the atlas: a method on a stressed problem, and whether the program reports the failure.
 
-The fit is given the stressed samples as a command would give them, with its own held-out part, and says what it says:
-status and verdict. Then it is judged on clean samples that no stress has touched, in log space with one ε for all, and
-its error is set against that of the same method without stress. By the light, as a picture has it, the fit is bad where
-it is off by `BAD_LIGHT` in a band of angles or explains less than `LEAST_EXPLAINED` of the clean logarithms.
+The fit gets the stressed samples as a command would pass them, with its own held-out part, and reports its status and
+verdict. Then it is judged on clean samples without stress, in log space with one ε for all, and its error is compared
+with that of the same method without stress. Judged by reflected light, as in a picture, the fit is bad if its error
+reaches `BAD_LIGHT` in a band of angles, or if it explains less than `LEAST_EXPLAINED` of the clean logarithms.
 
-The error bar of total reflected light is held against the clean light by bands of incidence within the range that it is
-stated for: whether the true error of the worst of them lies in the bar.
+The error bar of total reflected light is compared with the clean light in bands of incidence within the range of the
+bar: it is correct if it contains the true error of the worst band.
 
-Notes ("the time was up") and findings do not count as a warning, and a warning that the unstressed fit has as well
-degrades no cell; but a fit that is warned of is not silent.
+Notes ("the time was up") and findings do not count as a warning. A warning that the unstressed fit also gets does not
+degrade a cell, but a fit with a warning is not silent.
 """
 
 import math

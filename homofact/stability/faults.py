@@ -65,7 +65,7 @@ def _tilted(samples: Samples, strength: float, seed: int) -> Samples:
 
 
 def _shifted(samples: Samples, strength: float, seed: int) -> Samples:
-    """The detector's arm is `strength` degrees off: the highlight stands beside the mirror direction."""
+    """The detector's arm is `strength` degrees off: the highlight is beside the mirror direction."""
     theta, phi = to_spherical(samples.wo)
     return _above(samples, samples.wi, from_spherical(theta + math.radians(strength), phi))
 
@@ -108,7 +108,7 @@ def precision(samples: Samples, strength: float, seed: int) -> Samples:
 
 
 def _contradiction(samples: Samples, strength: float, seed: int) -> Samples:
-    """Half of the samples a second time, with values `strength` times as large or as small, by chance."""
+    """Repeat half of the samples, with values multiplied or divided by `strength` at random."""
     again = samples.subset(len(samples) // 2, seed)
     up = uniform(len(again), generator_of(seed)) < 0.5
     again = replace(again, values=again.values * torch.where(up, strength, 1 / strength)[:, None])

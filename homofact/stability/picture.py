@@ -157,7 +157,7 @@ def draw_solvers(path: str | os.PathLike[str], cells: list[SolverCell]) -> None:
     axes.axhline(well - 0.03, color="#444444", linewidth=1, linestyle="--")
     handles = [
         Patch(facecolor=_OK, edgecolor="#888888", label="agrees with the minimum-norm answer"),
-        Patch(facecolor="#f6c35c", edgecolor="#888888", label="differs, and its status says so"),
+        Patch(facecolor="#f6c35c", edgecolor="#888888", label="differs, and its status warns"),
         Patch(facecolor=_BLACK, edgecolor="#888888", label="silently differs"),
     ]
     figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False, fontsize=9)

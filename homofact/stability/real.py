@@ -16,7 +16,7 @@ RGL = ("aurora_white", "vch_golden_yellow", "chm_light_blue", "irid_flake_paint1
 
 
 class MissingMeasurement(Exception):
-    """A measurement that is not on this machine: the line says which file, and where it was looked for."""
+    """A measurement that is not on this machine; the message names the file and the searched folder."""
 
 
 def data_folder() -> Path:

@@ -37,7 +37,7 @@ class SolverOutcome(Enum):
     """What a solver's answer is."""
 
     AGREES = "agrees"
-    SAYS_SO = "differs and says so"
+    SAYS_SO = "differs and warns"
     SILENT = "silently differs"
     CRASHED = "crashed"
 

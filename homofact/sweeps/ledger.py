@@ -1,11 +1,11 @@
-"""A sweep's folder: what was asked for, the results that are there, and what was set aside.
+"""A sweep's folder: the requested tasks, the finished results, and the failed tasks.
 
-    sweep.json              the name, and the tasks as they were last asked for
-    results/KEY/            a result, written whole or not at all; report.json says of which task
-    aside/KEY.json          a fit that homofact refused, or whose worker died: why, and how often
+    sweep.json              the name, and the tasks as last requested
+    results/KEY/            a result, written whole or not at all; report.json names its task
+    aside/KEY.json          a fit that homofact rejected, or whose worker died: the reason and the count
 
-The results are the ledger: a task whose folder is there is done, and nothing else says so. A folder that was changed
-since is told by its own digest.
+The results are the ledger: a task is done if and only if its folder exists. The digest of a folder reveals later
+changes.
 """
 
 import hashlib
@@ -58,9 +58,9 @@ class SweepLedger:
         self.folder = folder
 
     def begin(self, name: str, tasks: Iterable[Task]) -> None:
-        """Say what is asked for. Results of other tasks of the same sweep stay.
+        """Record the requested tasks. Results of other tasks of the same sweep stay.
 
-        Raises BadInput where the folder holds something else, another sweep, or one of a newer format.
+        Raises BadInput if the folder contains something else, another sweep, or a sweep of a newer format.
         """
         if self.folder.exists() and not self.folder.is_dir():
             raise BadInput(where=self.folder, found="a file", expected="a folder for the sweep")
@@ -159,7 +159,7 @@ class SweepLedger:
 
 
 def result_digest(report: Mapping[str, Any], fit: Path) -> str:
-    """SHA-256 of a report, but for its own "sha256", and a fit's file. Raises BadInput where that cannot be read."""
+    """Return the SHA-256 of a report without its "sha256" and of a fit's file. Raises BadInput for unreadable files."""
     text = json.dumps({name: value for name, value in report.items() if name != "sha256"}, sort_keys=True)
     return hashlib.sha256(text.encode() + read_bytes(fit, "a saved fit")).hexdigest()
 

@@ -53,10 +53,10 @@ class Local:
         self._processes: set[subprocess.Popen[str]] = set()
 
     def run(self, tasks: Iterable[Task], ended: Callable[[TaskEnding], bool]) -> None:
-        """Do all tasks; `ended` is called with one at a time, and says whether to try it again.
+        """Run all tasks; `ended` is called for each and returns whether to retry it.
 
-        Raises BadInput where a worker could not write (a full disk), which ends all of them, and passes on what `ended`
-        raises. However it ends, no worker is left behind.
+        Raises BadInput if a worker cannot write (a full disk), which ends all of them, and any exception that `ended`
+        raises. No worker is left behind in any case.
         """
         self._waiting.extend(tasks)
         threads = [threading.Thread(target=self._serve, args=(ended,), daemon=True) for _ in range(self._count)]

@@ -22,7 +22,7 @@ class WorkerEngine(Protocol):
     """Who does tasks: `local.Local`, or one on other machines."""
 
     def run(self, tasks: list[Task], ended: Callable[[TaskEnding], bool]) -> None:
-        """Do all; `ended` is called with one at a time and says whether to try it again."""
+        """Run all tasks; `ended` is called for each and returns whether to retry it."""
         ...
 
 

@@ -1,12 +1,11 @@
-"""One basis of log textures for a database, and when it pays: bytes a material at equal error, leave-one-out.
+"""One basis of log textures for a database, and its gain: bytes per material at equal error, with leave-one-out.
 
 All materials are fitted under one set of projections (`methods.search_fit.fit_shared`), by log errors. Each material is
-then left out once: a basis is made of the others' textures, its own coefficients are solved on its training samples,
-and its error measured on samples held out. Every colour channel is a texture by itself, with N coefficients: the
-directions are of all channels of all materials.
-Bytes, as float32: 4 C (N + 1) for coefficients and A, and a share of N + 1 textures of one channel. Beside it stand
-textures of its own under the same projections, at a ladder of sizes; between these the bytes that have the same error
-are interpolated, log over log. Errors are of the logarithms: Σ w |f̃ − By|²/Σ w.
+then left out once: the textures of the others give a basis, the training samples of the material give its coefficients,
+and its held-out samples give the error. Every colour channel is a separate texture with N coefficients, so the basis
+covers all channels of all materials. Bytes, as float32: 4 C (N + 1) for coefficients and A, and a share of N + 1
+textures of one channel. The comparison uses the material's own textures under the same projections, at several sizes;
+the bytes at equal error are interpolated between these, log over log. Errors are of the logarithms: Σ w |f̃ − By|²/Σ w.
 """
 
 import math
@@ -216,7 +215,7 @@ def _material(name: str, fit: MethodFit, train: Samples, test: Samples, solver: 
     projections = tuple(term.projection for term in own_fit.terms)
     shapes = tuple(term.size for term in own_fit.terms)
     if sum(rows * columns for rows, columns in shapes) > MOST_DENSE:
-        found = f"more than {MOST_DENSE} texels a material"
+        found = f"more than {MOST_DENSE} texels per material"
         raise BadInput(where="size", found=found, expected="smaller textures for a basis")
     smoothing = tuple(own_fit.provenance["smoothing"])
     logs, held = (LogSamples.of(samples, own_fit.transform) for samples in (train, test))

@@ -34,7 +34,7 @@ class FitRow:
 
 
 def rows_of(folder: Path) -> list[FitRow]:
-    """The rows of a sweep's folder, in the order that was asked for. Raises BadInput where a result was changed."""
+    """Return the rows of a sweep's folder in the requested order. Raises BadInput if a result was changed."""
     return [row_of(result) for result in SweepLedger(folder).results()]
 
 

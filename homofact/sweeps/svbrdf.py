@@ -1,8 +1,8 @@
-"""A spatially varying material: clusters of texels, each with measurements of its own, fitted under shared projections.
+"""A spatially varying material: clusters of texels, each with its own measurements, fitted under shared projections.
 
-TexelCluster k is the sweep's source number k, and the label map says which texels are made of it. All clusters are
-searched together (`methods.search_fit.fit_shared`), so that one program with texture arrays evaluates them; beside it
-every cluster is fitted alone with the same settings, which says what sharing costs.
+TexelCluster k is the sweep's source number k, and the label map assigns its texels. All clusters are searched together
+(`methods.search_fit.fit_shared`), so that one program with texture arrays evaluates them. Each cluster is also fitted
+separately with the same settings, to measure the cost of sharing.
 """
 
 from collections.abc import Callable

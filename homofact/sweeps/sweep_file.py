@@ -1,22 +1,22 @@
-"""What a sweep fits, read from strict TOML: sources × methods × bytes × seeds.
+"""The fits of a sweep, read from strict TOML: sources × methods × bytes × seeds.
 
-name = "paints"                    # the file's name unless given
+name = "paints"                    # Default: the name of the file
 sources = ["material:*", "paints/*.brdf", "merl_nbrdf.npz#*"]  # named materials, files relative to this one, one
                                    # file's materials; * ? and [ab] match
 seeds = [0]                        # of sampling, split and fit
-bytes = [3276, 12288]              # optional: a fit each of every method that can be given a size
-held_out = 0.2                     # part of the samples kept from the fits
+bytes = [3276, 12288]              # optional: one fit for each, with every method that has a size
+held_out = 0.2                     # share of held-out samples
 [source]                           # optional, as in a configuration: channels, count, scheme, subset …
 [[method]]                         # one or more
 method = "search"                  # as for a comparison: mccool:wi+h, ggx:2
-label = "quick search"             # what tables call it: the method, and its settings where it stands twice
+label = "quick search"             # its name in tables. Default: the method, with settings if it appears twice
 effort = "quick"                   # and its settings
-[svbrdf]                           # for an SVBRDF alone: the sources are the clusters of one material
-labels = "labels.png"              # which of them, from 0, each texel is made of; .png or .npy, relative to this file
+[svbrdf]                           # only for an SVBRDF: the sources are the clusters of one material
+labels = "labels.png"              # cluster of each texel, from 0; .png or .npy, relative to this file
 format = "exr"                     # of the texture arrays
 
-`bytes` are the setting of a method that has it. McCool's and Cole's textures get the largest size that they pay for.
-Other methods are fitted once, as they are.
+`bytes` sets the setting of the same name if a method has it. McCool's and Cole's textures get the largest size within
+the bytes. Other methods are fitted once, unchanged.
 """
 
 import glob
@@ -203,7 +203,7 @@ def _sources(given: tuple[str, ...], folder: Path) -> tuple[str, ...]:
 
 
 def _matching(words: str, folder: Path) -> list[str]:
-    """The sources that words, perhaps a pattern, stand for, in the order of their names."""
+    """Return the sources that match `words`, which may be a pattern, sorted by name."""
     if words.startswith(MATERIAL_PREFIX):
         wanted = words.removeprefix(MATERIAL_PREFIX)
         return [MATERIAL_PREFIX + name for name in sorted(MATERIALS) if fnmatchcase(name, wanted)]

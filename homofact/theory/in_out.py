@@ -67,7 +67,7 @@ class DirectionGrid:
         return torch.arange(self.turns, dtype=torch.float64) * (2 * math.pi / self.turns)
 
     def directions(self, turns: int | None = None) -> Tensor:
-        """Unit vectors (rings, turns, 3), the first `turns` azimuths (all unless given), from φ = 0."""
+        """Return unit vectors (rings, turns, 3) of the first `turns` azimuths from φ = 0. Default: all."""
         phi = self.phi[:turns]
         return from_spherical(self.theta[:, None].expand(-1, len(phi)), phi.expand(self.rings, -1))
 

@@ -27,7 +27,7 @@ _SIGNIFICANT = 4.0  # standard errors
 
 @dataclass(frozen=True)
 class LightFieldFactors:
-    """What a light field says of its lighting and its BRDF; NaN where it says nothing.
+    """The lighting and the BRDF that a light field determines; NaN where it does not determine them.
 
     `lighting` is L_lm ((order+1)²,), `transfer` ρ̃_lpq (order+1, order+1, 2·order+1), each with its standard error
     (to first order in the noise; 0 without). `scales` (order+1,) numbers the orders of the lighting that share a

@@ -78,7 +78,7 @@ def convolve_isotropic(lighting: Tensor, transfer: Tensor) -> Tensor:
 
 
 def lighting_condition(brdf_filter: Tensor, order: int | None = None) -> float:
-    """How much inverse lighting up to `order` (all unless given) magnifies noise, relative to order 0's.
+    """Return the noise amplification of inverse lighting up to `order` (default: all), relative to order 0.
 
     max |Λ_l ρ̂_l| / min |Λ_l ρ̂_l|: 1 for a mirror, infinite for Lambert from order 3 on, about exp(order²/2s) for
     Phong.

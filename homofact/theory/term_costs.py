@@ -16,9 +16,9 @@ _MAP_SIDE = 32
 
 
 def map_bytes(terms: int, channels: int) -> int:
-    """Bytes of `terms` in-out terms: two maps each (g over ωi, h over ωo) of 32² float32 texels a channel.
+    """Return the bytes of `terms` in-out terms: two maps each (g of ωi, h of ωo), 32² float32 texels per channel.
 
-    Where f is reciprocal the two are the same map up to sign, and half of it is enough.
+    If f is reciprocal, the two maps are equal up to sign, and half of the bytes are enough.
     """
     return terms * 2 * _MAP_SIDE**2 * channels * 4
 

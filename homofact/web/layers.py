@@ -1,10 +1,10 @@
-"""A fit as a layer of the viewer: its generated shader text, the textures it reads, what an evaluation costs.
+"""A fit as a layer of the viewer: its generated shader text, its textures, and the cost of an evaluation.
 
-The page asks for `vec3 KEY_evaluate(vec3 wi, vec3 wo)`. Three channels that are no spectrum are red, green and blue;
-one channel is grey, the three being equal; anything else is refused, since no three of many channels are the colour.
-Texels go as they are stored: a texture that was fitted to 8 bits (`factor.quantize`) as bytes with its scale and bias,
-which the shader decodes behind the sampler as any renderer would, every other one as float32. WebGL 2 has no
-filtered 16-bit whole numbers: those go as the float32 that they stand for.
+The page calls `vec3 KEY_evaluate(vec3 wi, vec3 wo)`. Three channels that are not a spectrum are red, green and blue,
+and a single channel is grey. Other numbers of channels are rejected, since they do not define a colour. Texels are
+passed as they are stored. A texture that was fitted to 8 bits (`factor.quantize`) is passed as bytes with its scale and
+bias, and the shader decodes it after the sampler as any renderer would. Every other texture is float32. WebGL 2 cannot
+filter 16-bit integers, so these are converted to float32.
 """
 
 from collections import Counter

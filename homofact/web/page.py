@@ -2,8 +2,8 @@
 
     write_view(homofact.load("out/paint"), "paint.html")
 
-The errors of both fits stand beside the pictures, on the same samples: those held out of both, where the fit knows
-its split.
+The page shows the errors of both fits beside the pictures, on the same samples: those held out of both, if the fit has
+recorded its split.
 """
 
 import os
@@ -204,7 +204,7 @@ def _conditions(fitted: "Fitted", source: Reopened, compared: bool) -> list[str]
     elif source.known:
         seen = f"Nothing was held out: {'both fits were' if compared else 'the fit was'} made from these samples."
     else:
-        seen = "The fit does not say which of these samples it was made from, or was made from others." + (
+        seen = "The fit did not record its training samples, or it was made from other samples." + (
             " McCool's has not seen them." if compared else ""
         )
     return [

@@ -123,7 +123,7 @@ class SourceTable:
 
     @property
     def _program(self) -> Program:
-        """What the shader computes: the place in the table, one fetch or two, and what the logarithms stand for."""
+        """Return the shader's program: the place in the table, one fetch or two, and the decoding of the logarithms."""
         slices, theta_h, theta_d, phi_d = self.steps.shape[:4]
         statements, axes = _place_statements(self.symmetry, self.width)
         shape = (slices * theta_h, theta_d, phi_d)

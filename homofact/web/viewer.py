@@ -1,11 +1,12 @@
 """One self-contained HTML file that shows a fit beside McCool's and its source, lit, on a sphere or a mesh.
 
 The page is `page.html` with `page.css`, the scripts and the data put in: nothing is loaded from anywhere, and its
-Content-Security-Policy forbids it (`assembly`). It draws with WebGL 2; where something is missing it says so. Arrays
-are packed as in `packing`.
+Content-Security-Policy forbids it (`assembly`). It draws with WebGL 2, and a message names missing features. Arrays are
+packed as in `packing`.
 
-A layer is what can be asked for reflectance in the page: shader text that defines `vec3 KEY_evaluate(vec3 wi, vec3
-wo)`, BRDF in sr⁻¹ without the cosine of unit directions in the surface frame, and the textures that it declares.
+A layer provides reflectance to the page. It consists of shader text that defines `vec3 KEY_evaluate(vec3 wi, vec3 wo)`,
+the BRDF in sr⁻¹ without the cosine for unit directions in the surface frame, and of the textures that this text
+declares.
 """
 
 import os
@@ -98,7 +99,7 @@ class Layer:
 
 
 def source_layer(reflectance: Reflectance, facts: Facts = (), seed: int = 0) -> Layer:
-    """The source as a layer: tabulated (`source_table`), which its facts say; the page's notes say how close that is.
+    """Return the source as a layer: a table (`source_table`), which its facts mention; the page's notes give its error.
 
     Raises BadInput as `source_table`.
     """
@@ -122,7 +123,7 @@ def viewer_html(
     own = [
         f"{layer.title} is drawn from a table of {layer.table.size}, linear in the logarithm between its nodes. At"
         f" {layer.table.error.count:,} random cosine-weighted pairs it is off the reflectance itself by"
-        f" {layer.table.error.words()}. It stands for the source; it is not the source."
+        f" {layer.table.error.words()}. The table approximates the source."
         for layer in layers
         if layer.table is not None
     ]

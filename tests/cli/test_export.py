@@ -68,7 +68,8 @@ def test_a_sky_is_filtered_beside_the_material(result: Path, tmp_path: Path, cap
     command = ["export", str(result), "--to", str(out), "--format", "png8", "--prefilter", str(place)]
     assert main([*command, "--prefilter-side", "32"]) == 0
     shown = " ".join(capsys.readouterr().out.split())
-    assert "Split sum under sky.exr: a cube map of 32 texels a side with 3 levels, 0.11 MiB for all materials" in shown
+    chain = "a cube map of 32 texels per side with 3 levels, 0.11 MiB for all materials"
+    assert f"Split sum under sky.exr: {chain}" in shown
     assert "and 3072 bytes for this one; the sphere is off by" in shown
     assert "prefiltered.c" in shown
     manifest = json.loads((out / "manifest.json").read_text())
@@ -173,7 +174,7 @@ def test_sums_of_products_go_the_same_way(tmp_path: Path, capsys) -> None:
             "prefilter: found x.hdr with the format html, expected a format of textures",
         ),
         (["--prefilter-side", "64"], "prefilter-side: found it without a sky, expected prefilter"),
-        (["--prefilter", "x.hdr", "--prefilter-side", "100"], "found 100 texels a side, expected a power of two from"),
+        (["--prefilter", "x.hdr", "--prefilter-side", "100"], "100 texels per side, expected a power of two from"),
     ],
 )
 def test_what_cannot_be_meant_is_refused_and_leaves_nothing(result, tmp_path, capsys, more, message) -> None:
@@ -225,7 +226,7 @@ def test_an_engine_gets_its_files_and_the_likeness_of_a_look_alike_is_said(
     assert main([*asked, "--json"]) == 0
     answer = json.loads(capsys.readouterr().out)
     fit, alike = answer["looks"]["fit"], answer["looks"]["look-alike"]
-    # Eight texels a side are no better than these few numbers, of a paint that is nearly of their kind.
+    # Eight texels per side are no better than these few numbers, of a paint that is nearly of their kind.
     assert fit["against"] == alike["against"] == "lafortune-blue-paint"
     assert 25 < fit["appearance"]["psnr_sky"] < 60
     assert 25 < alike["appearance"]["psnr_sky"] < 60

@@ -40,8 +40,8 @@ def test_the_sky_and_the_table_are_what_the_shader_reads(form: str, read, tmp_pa
     np.testing.assert_array_equal(FORMATS[form].read(tmp_path / stored, 4).astype(np.float64), table.numpy())
     text = (tmp_path / "prefiltered.glsl").read_text()
     assert (
-        f"Texture 0: {stored}, 64 x 4. Texture 1: {levels}, a cube map of 32 texels a side, 3 levels. Texture 2: {lit}"
-        in text
+        f"Texture 0: {stored}, 64 x 4. Texture 1: {levels}, a cube map of 32 texels per side, 3 levels."
+        f" Texture 2: {lit}" in text
     )
     assert made.nbytes == 64 * 4 * (16 if form == "exr" else 8)
 

@@ -129,7 +129,7 @@ def test_a_bar_goes_from_the_least_to_the_greatest(draw: Any, many: list[ChartRo
 def test_rows_that_cannot_be_drawn_are_counted_or_refused(many: list[ChartRow], tmp_path: Path) -> None:
     bad = [replace(row, held_out=replace(row.held_out, log_mse=value)) for row, value in zip(many, (0.0, np.inf))]  # noqa: B905
     figure = time_chart([*many[2:], *bad])
-    assert any("2 of 28 runs are not drawn" in text.get_text() for text in figure.texts)
+    assert any("2 of 28 runs are left out" in text.get_text() for text in figure.texts)
     with refused(where="a"):
         write_charts(tmp_path, "a", bad)
 

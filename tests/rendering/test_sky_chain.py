@@ -36,7 +36,7 @@ def test_sides_halve_and_widths_grow_geometrically_to_one() -> None:
 
 @pytest.mark.parametrize("side", [0, 16, 48, 2048, -64])
 def test_other_sides_are_refused(side: int) -> None:
-    with pytest.raises(BadInput, match=f"found {side} texels a side, expected a power of two from 32 to 1024"):
+    with pytest.raises(BadInput, match=f"found {side} texels per side, expected a power of two from 32 to 1024"):
         chain_of(gradient(), side)
 
 

@@ -160,7 +160,7 @@ def test_what_is_no_picture_is_refused() -> None:
         response_of(Two(blob), own_kernels(SIDE))
     with pytest.raises(BadInput, match="not finite"):
         response_of(Planted(lambda wi, wo: torch.full_like(wi[:, 0], math.nan)), own_kernels(SIDE))
-    with pytest.raises(BadInput, match="found 100 texels a side"):
+    with pytest.raises(BadInput, match="found 100 texels per side"):
         response_of(LAMBERT, own_kernels(100))
 
 

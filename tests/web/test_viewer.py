@@ -292,7 +292,7 @@ def test_the_source_says_that_it_is_a_table() -> None:
     assert layer.facts == (("Bytes", "0"), ("Textures", f"a table, {layer.table.size}"))
     data = data_of(viewer_html([layer], title="", notes=["first"]))
     assert data["notes"][0] == "first"
-    assert "It stands for the source; it is not the source." in data["notes"][1]
+    assert "The table approximates the source." in data["notes"][1]
     assert layer.table.error.words() in data["notes"][1]
     volume = data["layers"][0]["volume"]
     assert volume["name"] == "source_texture_0"

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from homofact.evaluation.verdict.figures import Figures
 
 FEATURES = {
-    "mended": "what the nearest samples would mend of the fit, RMS of logs by light",
+    "mended": "part of the fit's error that the nearest samples correct, RMS of logs by light",
     "bias": "the part of it on which both halves of the samples agree",
     "apart": "fit beside the plain reading of the other half of the samples, RMS of logs by light",
     "unexplained": "share of the variance of held-out logs that the fit does not explain",
@@ -46,8 +46,8 @@ FEATURES = {
     "odds": "largest odds of a suspicion",
 }
 OF_QUANTITY = {
-    "own_mended": "log of the mended fit's light over the fit's",
-    "own_read": "log of the reading's light over the fit's",
+    "own_mended": "log of the corrected fit's light over the fit's",
+    "own_read": "log of the interpolation's light over the fit's",
     "own_chance": "what two halves of the samples differ by",
     "own_gap": "how far the light is from the nearest sample",
     "own_unmeasured": "share of this light beyond the measurement",
@@ -63,7 +63,7 @@ def angles_in_range(lowest: float, highest: float) -> tuple[int, ...]:
 
 
 def common_features(figures: "Figures", odds: Mapping[str, float]) -> dict[str, float]:
-    """The features of `FEATURES`, of a fit to samples with a reading; `odds` are those of all suspicions."""
+    """Return the features of `FEATURES` for a fit to samples; `odds` are those of all suspicions."""
     reading, light, data, errors, coverage = (
         figures.reading, figures.light, figures.data, figures.errors, figures.coverage,
     )  # fmt: skip

@@ -48,7 +48,7 @@ class SampleReading:
     apart : RMS of log fit less reading, each half of the samples at the places of the other, weighted by light.
     mended : the same of what the mended fit adds.
     bias : of what the fit misses, the part on which both halves agree: noise is not in it.
-    albedo : per angle, log of the mended fit's total light over the fit's, of the channel that is farthest off.
+    albedo : per angle, log of the corrected fit's total light over the fit's, of the channel that is farthest off.
     read_albedo : the same of the plain reading.
     chance : per angle, by how much the logs of the two halves' readings of the total light differ.
     highlight, read_highlight, highlight_chance : the same of the brightest light, all angles together.
@@ -138,7 +138,7 @@ def _known(place: np.ndarray, logs: Tensor, missed: Tensor, chosen: Tensor) -> _
 def _between_halves(
     halves: list[_Known], others: tuple[Tensor, Tensor], place: np.ndarray, fitted: Tensor, light: Tensor
 ) -> tuple[float, float, float]:
-    """Return (apart, mended, bias) of `SampleReading`; each half is evaluated at the samples of `others`."""
+    """Return `apart`, `mended` and `bias` of `SampleReading`; each half is evaluated at the samples of `others`."""
     sums = torch.zeros(3, dtype=torch.float64)
     for half, other, own in zip(halves, others, reversed(halves), strict=True):
         at = place[other.numpy()]

@@ -231,7 +231,7 @@ def _table(table: LobeTable) -> dict[str, Any]:
 
 
 def _sunlight(lit: Sunlight) -> dict[str, Any]:
-    """Parts of discs become bytes, 255 the whole; with the number of directions that f is asked for."""
+    """Return the visible parts of the discs as bytes (255 is a whole disc), and the number of directions of f."""
     seen = np.rint(lit.seen * 255).astype(np.uint8)
     counts = [lit.directions(sun) for sun in lit.suns]
     return {"tables": [_table(table) for table in lit.tables], "seen": pack(seen), "directions": counts}

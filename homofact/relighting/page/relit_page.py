@@ -24,7 +24,7 @@ def write_relit_page(
         rows: dict[str, str | int | float] = {
             "vertices": entry["vertices"],
             "terms K": entry["terms"],
-            "coefficients a vector": round(entry["coefficients_per_vector"]),
+            "coefficients per vector": round(entry["coefficients_per_vector"]),
             "bytes": entry["bytes"],
         }
         for stage, value in (entry["error"] or {}).items():

@@ -1,1 +1,1 @@
-"""A sweep as a static site: a page of all fits, a page a material, tables to go on with."""
+"""Write a sweep as a static site: a page of all fits, a page per material, and tables for further analysis."""

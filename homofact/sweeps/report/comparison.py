@@ -88,7 +88,7 @@ def worst(fits: Sequence[ReportedFit], metric: Metric, count: int = 10) -> list[
 
 
 def comparison_rows(comparison: SweepComparison) -> list[dict[str, Any]]:
-    """A row a pair and metric, for a table."""
+    """Return one row per pair and metric, for a table."""
     return [
         {
             "source": pair.now.row.source,

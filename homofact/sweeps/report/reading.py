@@ -54,7 +54,7 @@ class ReportedFit:
 
 @dataclass(frozen=True)
 class ReadSweep:
-    """A sweep: `fits` in the order that was asked for, what was set `aside` for good, how many are still to do."""
+    """A sweep: `fits` in the requested order, tasks set `aside` after failures, and the number of open tasks."""
 
     name: str
     folder: Path

@@ -1,10 +1,10 @@
 """A sweep's results as a static site: written whole or not at all, and opened from a folder without network.
 
-index.html               charts, the table of all fits, the worst, what changed, what was set aside
-materials/DIGEST.html    a page a material
+index.html               charts, the table of all fits, the worst fits, changes, failed tasks
+materials/DIGEST.html    a page per material
 fits/KEY.png …           the pictures of a fit, its textures, and its viewer KEY.html
 fits.csv, fits.parquet   every figure of every fit; aside.* and comparison.* likewise, where there are any
-site.json                what the site was made of
+site.json                the inputs of the site
 """
 
 import os

@@ -21,7 +21,7 @@ def parquet_there() -> bool:
 
 
 def fit_rows(fits: Sequence[ReportedFit]) -> list[dict[str, Any]]:
-    """A row a fit: its figures as `summary.FitRow.cells`, then what it was made from and how."""
+    """Return one row per fit: its figures as `summary.FitRow.cells`, then its source and settings."""
     return [
         fit.row.cells()
         | {
