@@ -55,8 +55,8 @@ class _Checked:
 class SourceSettings(_Checked):
     """What is read: a file's path or `material:NAME`, its channels, and how a model is sampled.
 
-    `count` (pairs of directions) and `scheme` count for analytic models only. `subset` above 0 is the most samples
-    that a fit is given, drawn by cells (`brdf.stratified`). `calibrate` and `clipped` mend a measurement
+    `count` (pairs of directions) and `scheme` count for analytic models only. `subset` above 0 is the most samples that
+    a fit is given, drawn by cells (`brdf.stratified`). `calibrate` and `clipped` repair a measurement
     (`brdf.quality.mending`).
     """
 

@@ -39,7 +39,7 @@ class InfoResult:
     rows : dict
         The same for people: names and values.
     mended : tuple of str
-        How the data were mended, in sentences.
+        How the data were repaired, in sentences.
     suspected : tuple of Suspicion
         Units and conventions that the data seem not to keep to.
     asked : tuple of str

@@ -51,11 +51,11 @@ def tabulated(
     thetas: int | None = None,
     whole_turn: bool = False,
 ) -> AdaptiveTable:
-    """The table of a reflectance: `thetas` slices over θi, M of `side`² nodes each (`THETAS`, `SIDE`).
+    """Return the table of a reflectance: `thetas` slices over θi, each with M of `side`² nodes (`THETAS`, `SIDE`).
 
-    Where not isotropic, slices at 32 azimuths over the whole turn; or at as many of them as lie in a half or a quarter
-    of it, where values are the same after half a turn, or after mirroring as well, unless a `whole_turn` is asked for.
-    Raises BadInput for sides or slices below 2.
+    An anisotropic table has slices at 32 azimuths over the whole turn. If values are equal after half a turn, or also
+    after mirroring, it has only the slices in a half or a quarter turn, unless `whole_turn` is set. Raises BadInput for
+    sides or slices below 2.
     """
     side, thetas = side or SIDE[isotropic], thetas or THETAS[isotropic]
     if min(side, thetas) < 2:

@@ -43,11 +43,11 @@ def reading_of(wanted: str) -> tuple[str, str]:
 
 
 def as_channels(samples: Samples, wanted: str) -> Samples:
-    """The samples in the channels `wanted`: "rgb", "spectral" or "luminance".
+    """Return the samples in the channels `wanted`: "rgb", "spectral" or "luminance".
 
-    Spectra become linear sRGB or CIE Y, and provenance["colour"] says how; RGB becomes luminance by sRGB's
-    own weights. Samples that are neither stay as they are, except that nothing but a spectrum is "spectral".
-    Raises BadInput for an unknown name or where there is no spectrum to be had.
+    Spectra are converted to linear sRGB or CIE Y, and provenance["colour"] records the method. RGB is converted to
+    luminance with the weights of sRGB. Other samples stay unchanged. Raises BadInput for an unknown name, and for
+    "spectral" if the samples are not a spectrum.
     """
     check_channels(wanted)
     wavelengths = wavelengths_of(samples.channels)

@@ -73,11 +73,11 @@ class Opening:
 class Source:
     """A BRDF to work on.
 
-    `samples` to fit, `reflectance` to draw and compare with: the model itself, or the interpolated
-    measurement. Samples of `kind` "material" and "drawn" (a file that is a reflectance by itself) were drawn
-    at all azimuths, those of "measurement" are where they were measured. `default_epsilon` is the ε of the
-    log transform where none is asked for; `seconds_read` the wall time of reading or sampling. `opening` is how
-    `open_source` opened it, None for a source put together by hand.
+    `samples` to fit, `reflectance` to draw and compare with: the model itself, or the interpolated measurement. Samples
+    of `kind` "material" and "drawn" (a file that is a reflectance by itself) were drawn at all azimuths, those of
+    "measurement" are where they were measured. `default_epsilon` is the default ε of the log transform; `seconds_read`
+    the wall time of reading or sampling. `opening` is how `open_source` opened it, None for a source put together by
+    hand.
     """
 
     name: str
@@ -200,10 +200,10 @@ def open_source(
 
     `channels` are "rgb", "luminance", "spectral", or one channel's name ("G", "550nm"). `count`, `scheme` and `seed`
     are how a material, or a model in a file, is sampled; a measurement has the samples it has. FILE#NAME picks one
-    material of a file that holds several. `calibrate` and `clipped` mend a measurement (`brdf.quality.mending`).
+    material of a file that holds several. `calibrate` and `clipped` repair a measurement (`brdf.quality.mending`).
 
-    Raises BadInput for an unknown material, all that is wrong with a file, channels that the source cannot give, and
-    mending of what is no list of samples.
+    Raises BadInput for an unknown material, faults of a file, channels that the source does not have, and repairs of a
+    source that is not a list of samples.
     """
     return Opening(text, channels, count, scheme, seed, "", tuple(calibrate), clipped).open()
 

@@ -108,9 +108,9 @@ class Swapped:
 
 
 def swapped_neighbours(samples: Samples, seed: int = 0) -> Swapped:
-    """Who stands within 1° of each sample's swapped place, of at most 20 000 samples drawn by `seed`.
+    """Find the sample within 1° of each sample's swapped place, for at most 20 000 samples drawn by `seed`.
 
-    Pairs whose swapped place is their own (θi = θo within 1°) say nothing and count as not found.
+    Pairs that are their own swapped place (θi = θo within 1°) carry no information and count as not found.
     """
     chosen = torch.randperm(len(samples), generator=torch.Generator().manual_seed(seed))[:_MOST_SAMPLES]
     wi, wo = samples.wi[chosen], samples.wo[chosen]

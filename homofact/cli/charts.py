@@ -60,8 +60,8 @@ def draw_charts(
 def charted_methods(settings: "Config") -> "dict[str, Method]":
     """The methods by label, as the first of a chart's runs has them.
 
-    What the chart varies is not what [fit] says of it. Raises BadInput for counts, sizes or searches that were asked
-    for where no method takes any.
+    The values that the chart varies override [fit]. Raises BadInput for counts, sizes or searches if no method has
+    such a setting.
     """
     wanted = settings.compare
     names = {parsed_label(label)[0] for label in wanted.methods}

@@ -125,11 +125,11 @@ class Format:
         return np.ascontiguousarray(texels[..., :channels])
 
     def bytes_of(self, rows: int, columns: int, channels: int) -> int:
-        """Bytes of a texture's texels on the GPU.
+        """Return the bytes of a texture's texels on the GPU.
 
-        GPUs have formats of 1, 2 and 4 channels: 3 take the room of 4, and more than 4 as many textures of 4
-        as are full, and one for the rest. The formats of fixed channels take theirs: 8 bytes a texel of RGBA16F,
-        16 a block of 4 x 4 texels of BC6H.
+        GPUs have formats of 1, 2 and 4 channels. 3 channels need the space of 4, and more than 4 are divided into
+        textures of 4 channels and one for the rest. Formats with fixed channels need 8 bytes per texel (RGBA16F) or 16
+        bytes per block of 4 x 4 texels (BC6H).
         """
         if self.storage == "bc6h":
             return -(-rows // 4) * -(-columns // 4) * 16

@@ -50,10 +50,10 @@ def prepare(
 ) -> PreparedScene:
     """Precompute a scene with about that many lights, in a form of `FORMS`; `tolerance` is that of the low rank.
 
-    `threads` are as many as numba has unless given; no bit depends on how many. `progress` is called with the share of
-    pixels that are done. `divided` says how often a triangle is divided to ask a quotient at more points than its
-    centre, as often as `quotient` finds to be enough unless given. Raises BadInput for another form, and a full one of
-    more than 1 GiB.
+    `threads` defaults to the threads of numba; results are bit-identical for any number. `progress` is called with the
+    share of finished pixels. `divided` is the number of times that a triangle is divided to evaluate a quotient at more
+    points than its centre. Default: the number that `quotient` finds sufficient. Raises BadInput for another form, and
+    for a full form of more than 1 GiB.
     """
     if form not in FORMS:
         raise BadInput(where="form", found=repr(form), expected=f"one of {', '.join(FORMS)}")

@@ -28,7 +28,7 @@ from homofact.methods.method import Method
 class ComparisonRow:
     """One method on one split of a source: the fit, its settings and its errors on training and held-out samples.
 
-    `appearance` is what an eye would say of it, None where the source is known at its samples alone.
+    `appearance` has its visible errors, None if the source consists only of samples.
     """
 
     source: str

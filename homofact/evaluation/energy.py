@@ -52,8 +52,8 @@ class EnergyErrors:
     Attributes
     ----------
     degrees : θi of the albedos.
-    source_albedo, fit_albedo : per angle, one number a channel.
-    energy : fit over source, one number a channel; `energy_overall` of the sums over channels.
+    source_albedo, fit_albedo : per angle, one number per channel.
+    energy : fit over source, one number per channel; `energy_overall` of the sums over channels.
     rms, floor, rms_cosine, floor_cosine : relative, over all channels.
     highlight, bright_half : fit over source.
     half_width : of the source's highlight in radians of θh (`evaluation.peak`), None where it has none.
@@ -178,7 +178,7 @@ class SourceLight:
 def energy_errors(fit: Reflectance, source: Reflectance, isotropic: bool) -> EnergyErrors:
     """The figures of `fit` against `source`, both to be asked at any pair of directions.
 
-    `isotropic` says whether one azimuth of the light tells all. Raises BadInput where their channels differ in number.
+    If `isotropic`, one azimuth of the light is enough. Raises BadInput if their channels differ in number.
     """
     return SourceLight.of(source, isotropic).errors(fit)
 

@@ -24,7 +24,7 @@ class TextureLookup:
     """One fetch: texture number `texture` at (u, v) = `matrix` x in [−1, 1]², a (2, k) float64.
 
     x (k,) are the `axes` (`geometry.axes`), each factor · raw + offset of `scales`, stretched by a warp of the width
-    `warp` where there is one. `words` say so in a comment.
+    `warp` if there is one. `words` describe this in a comment.
     """
 
     texture: int

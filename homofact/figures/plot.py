@@ -30,11 +30,11 @@ _BESIDE: dict[str, Any] = {"xycoords": ("axes fraction", "data"), "va": "center"
 def plot_rows(path: str | os.PathLike[str], rows: Sequence[ComparisonRow | SeedRows]) -> None:
     """Draw the six metrics of `rows` as dots on logarithmic axes into `path` (PNG, SVG or PDF by its ending).
 
-    A line of the panel is a method: a ring for the training samples, a dot for those held out, joined; the numbers at
-    the right. Of several seeds they are means, each on a line of its own from the least to the greatest. An error of 0
-    has its number alone.
+    Each line of the panel is a method: a ring for the training samples joined to a dot for the held-out ones, with the
+    numbers at the right. For several seeds they are means, each with a line from the least to the greatest value. An
+    error of 0 is shown only as a number.
 
-    Raises BadInput where the place cannot be written.
+    Raises BadInput if the file cannot be written.
     """
     several = [row if isinstance(row, SeedRows) else SeedRows((row,)) for row in rows]
     names = [_name(row) for row in several]

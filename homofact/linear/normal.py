@@ -147,9 +147,9 @@ def _ranges(count: int, cost: int) -> list[tuple[int, int]]:
 
 
 def pack(lookups: tuple[Lookup, ...]) -> tuple[np.ndarray, np.ndarray]:
-    """Matrices (L, 2, 4) float64 and int64 (L, 8), as the kernels read them.
+    """Return matrices (L, 2, 4) float64 and int64 (L, 8), as the kernels read them.
 
-    Of each lookup (start, k, rows, columns, offset, fractions, whether rows go round, whether columns do).
+    The integers of each lookup are (start, k, rows, columns, offset, fractions, periodic rows, periodic columns).
     """
     matrices = np.zeros((len(lookups), 2, 4))
     layout = np.zeros((len(lookups), 8), dtype=np.int64)

@@ -52,7 +52,7 @@ class Solution:
 def cholesky(problem: LeastSquares) -> Solution:
     """Dense Cholesky of the normal equations; minimum-norm fallback, status FALLBACK, where it breaks down.
 
-    Of a large problem conjugate gradients: status CONVERGED, or BUDGET.
+    Large problems are solved by conjugate gradients: status CONVERGED, or BUDGET.
     """
     if not is_dense(problem.unknowns):
         answer = conjugate(problem)

@@ -83,9 +83,9 @@ class Sparse:
 
 
 def own_blocks(problem: LeastSquares, weights: np.ndarray, penalty: scipy.sparse.csr_matrix) -> BlockBanded:
-    """The factors of every texture's own block of a problem, each lookup taken by itself.
+    """Return the factors of every texture's own block of a problem, treating each lookup separately.
 
-    `weights` (N,) stand for the problem's own, `penalty` (K, K) is added.
+    `weights` (N,) replace those of the problem, and `penalty` (K, K) is added.
     """
     kept = problem.kept.cpu().numpy()
     numbers, values = stencil_rows(problem.coordinates, problem.lookups)

@@ -30,7 +30,8 @@ _MOST, _MOST_OWN = 1e300, 1e9
 class Mesh:
     """`positions` (V, 3) and unit `normals` (V, 3) float64, `triangles` (T, 3) int64 into them; `name` for captions.
 
-    `remarks` say what was mended when it was read. `uv` (V, 2) are texture coordinates, v downwards, where it has any.
+    `remarks` list the repairs made when it was read. `uv` (V, 2) are texture coordinates, v downwards, where it has
+    any.
     """
 
     positions: np.ndarray

@@ -16,9 +16,9 @@ _CHUNK = 2**20
 
 
 class Occluder:
-    """Triangles (T, 3) over positions (V, 3), built once; asked from several threads at a time if need be.
+    """Triangles (T, 3) over positions (V, 3), built once; several threads can trace rays at the same time.
 
-    `size` is what rays' offset is a part of, that of all triangles unless given. Raises BadInput where embreex is not
+    The offset of rays is a part of `size`. Default: the size of all triangles. Raises BadInput if embreex is not
     installed, and for a mesh without triangles.
     """
 

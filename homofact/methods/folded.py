@@ -45,9 +45,9 @@ class Judging(ABC):
     def best_smoothing(
         self, start: tuple[float, ...], budget: FitBudget, folds: int | None = None
     ) -> tuple[tuple[float, ...], float]:
-        """(λ of every texture, error): from `start` downhill with all of them scaled alike, in decades.
+        """Return (λ of every texture, error), searched downhill from `start` by scaling all λ together, in decades.
 
-        The error is that of as many folds as `error` is asked for.
+        The error uses the same number of folds as `error`.
         """
         return self._descend(start, [tuple(range(len(start)))], 2, budget, folds)
 

@@ -29,9 +29,9 @@ def _expected_effort(value: Any) -> str | None:
 class Search(Method):
     """Settings of the searched fit.
 
-    `projections` pins what textures are indexed by, one name for all or one each: a fixed projection, or coordinates
-    on which one is searched; None leaves the choice to the fit. `search` refines projections: "gradient", "powell", or
-    "nlopt-" and an nlopt algorithm's name. `validation` says how a mix and λ are judged on measurements that lie on
+    `projections` pins what textures are indexed by, one name for all or one each: a fixed projection, or coordinates on
+    which one is searched; None leaves the choice to the fit. `search` refines projections: "gradient", "powell", or
+    "nlopt-" and an nlopt algorithm's name. `validation` selects how mixes and λ are judged on measurements that lie on
     rings of θ: by left-out "rings", or at "random", which rewards the faults of each ring. `effort` is how much is
     searched: "quick" and "normal" descend from the best one or three of the mixes that often win (`known_mixes`),
     "thorough" and a number of equivalent inner evaluations try every mix. `budget` is a guard in seconds. Where

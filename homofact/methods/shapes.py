@@ -102,7 +102,7 @@ class SmoothingFor:
     def __call__(self, mix: Mix, shapes: tuple[Shape, ...]) -> tuple[float, ...]:
         """Second differences of a smooth function fall with the square of the texels' distance h.
 
-        λ is weighed by samples a texel: λ Σw h² Σ (h² y″)² is the same penalty on the function where λ h⁴ is the same.
+        λ is in units of samples per texel: λ Σw h² Σ (h² y″)² is the same penalty on the function if λ h⁴ is the same.
         """
         fewer = self._fewer if self._given is None else 1.0
         return tuple(

@@ -49,10 +49,10 @@ _ALL_WARPS_UP_TO = 2  # textures: mixes of one more are looked at with the two b
 
 @dataclass(frozen=True)
 class SearchOutcome:
-    """What a search found, how it ended, and what it cost; `notes` are for the user.
+    """The result of a search, its status and its cost; `notes` are for the user.
 
-    `levels` are the best mixes of one texture, of two, and so on, with that of the best's number last exchanged;
-    `known` says whether all of them are known ones.
+    `levels` are the best mixes of one texture, of two, and so on; exchanges have improved the mix with as many textures
+    as the best one. `known` is true if all of them are known mixes.
     """
 
     mix: Mix

@@ -109,7 +109,7 @@ class MaterialFits:
     def verdict(self, candidate: Candidate, colour: Lambert | None = None) -> Verdict:
         """What is found against a rung, or against one `colour`.
 
-        Of a colour only what is odd in the data or unknown: what it lacks it lacks by choice, within the tolerance.
+        For a colour, only findings about the data and unknown ones: its errors are chosen, within the tolerance.
         """
         method = method_of(candidate if colour is None else _LEAST, self.options, self.source.default_epsilon)
         test = self.split.test_samples(self.source)

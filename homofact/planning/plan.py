@@ -117,9 +117,9 @@ class OneSize:
 
 @dataclass(frozen=True)
 class ScenePlan:
-    """The answer: a plan a material, in the scene's order; `fits` are all that were made, those of `one_size` too.
+    """The plans of all materials in the scene's order; `fits` counts all fits, including those of `one_size`.
 
-    `allocated` says whether the choices share out the bytes because they would not all meet the tolerance within them.
+    `allocated` is true if the bytes are too few for all tolerances, so that they were distributed over the choices.
     """
 
     scene: Scene

@@ -45,7 +45,7 @@ LEAST_PIXELS, MOST_PIXELS = 2, 16384
 class SceneMaterial:
     """`source` as `brdf.source.open_source` takes it, `share` of the picture in (0, 1].
 
-    `pixels` are those that the object is across, None from so close by that a pixel blurs nothing.
+    `pixels` is the width of the object in pixels, None for a camera so close that pixels do not blur.
     """
 
     source: str

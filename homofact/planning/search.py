@@ -39,8 +39,8 @@ COLOUR_MEAN = 1.5
 class LadderOutcome:
     """What asking a rung brought: its error, bytes and fetches, and how many textures it came out with.
 
-    Of several limits and lightings, `error` is of the one that is met worst, over that limit; `kind`, `value` and
-    `lighting` say which it is, and the error itself.
+    For several limits and lightings, `error` is the largest error relative to its limit; `kind` and `lighting` name
+    it, and `value` is the error itself.
     """
 
     error: float

@@ -35,7 +35,7 @@ class Clustered:
     """Transport as means and components.
 
     `basis` holds C·(n + 1) "vertices" of K terms each: those of cluster c from c (n + 1) on, its mean first. `cluster`
-    (V,) uint16 and `weights` (V, n) int16 times `steps` (C, n) say how a vertex mixes them. `positions`, `frames` and
+    (V,) uint16 and `weights` (V, n) int16 times `steps` (C, n) give the mix of each vertex. `positions`, `frames` and
     `factors` are the object's.
     """
 

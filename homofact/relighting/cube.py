@@ -67,9 +67,9 @@ def texel_of(w: np.ndarray, size: int) -> np.ndarray:
 def environment_cube(light: EnvironmentMap, size: int) -> np.ndarray:
     """Mean radiance (6, n, n, 3) float64 of an environment map over each texel, its turn included.
 
-    Every texel of the map is divided until `_FINER` of its rows fit a texel of the cube, and each part given whole to
-    the texel that it points into, so that no small sun is missed. What a texel of the cube got is divided by the solid
-    angle that it got, which leaves constant light constant and a sun right to a few percent.
+    Every texel of the map is divided until a texel of the cube has at least `_FINER` of its rows, and each part given
+    whole to the texel that it points into, so that no small sun is missed. What a texel of the cube got is divided by
+    the solid angle that it got, which leaves constant light constant and a sun right to a few percent.
     """
     rows, columns, channels = light.radiance.shape
     times = max(1, -(-_FINER * 2 * size // rows))

@@ -51,13 +51,13 @@ _RIM = math.cos(math.radians(89.0))
 
 @dataclass(frozen=True)
 class WeightedTerms:
-    """Singular values in falling order with what each needs; `sigma` (R,), `multiplicity` (R,) 1 or 2.
+    """Singular values in descending order with their data; `sigma` (R,), `multiplicity` (R,) 1 or 2.
 
     `order` (R,) of azimuth. `right` (R, C, nodes) are the unit singular vectors of the view; `excited` (R, rows) the
     light that makes each of them, at the nodes of `rows`: σ v(ωo) = ∫ f p(ωi) cosθi dωi. `white` are the singular
-    values for white light, each as often as it counts. `sent` (R, L + 1) is what of light that has the power 1 in every
-    coefficient of order l each sends back, and `total` (L + 1,) what all do; `power` (L + 1,) the light's. `whole` is
-    the energy that errors are relative to, that of all unless given.
+    values for white light, repeated by their multiplicity. `sent` (R, L + 1) is the light that each term reflects if
+    every coefficient of order l has the power 1, and `total` (L + 1,) is the sum over all terms; `power` (L + 1,) is
+    that of the light. Errors are relative to the energy `whole`. Default: the energy of all terms.
     """
 
     grid: DirectionGrid

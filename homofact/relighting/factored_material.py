@@ -50,10 +50,10 @@ def factored(
 ) -> FactoredMaterial:
     """The factors of a reflectance, and its lobe if that is separate: `lobe` is one of `LOBES`.
 
-    `terms`, `share`, `error`, `map_size` and `light` are those of `factoring.factor`. Where `terms` or a `share` are
-    given a lobe is separate only if that is asked for. The rest has the rule `error`, `ERROR` where it is not given,
-    unless there are `terms`. A material with a texture has the factors of its two parts, `terms` of each. Raises
-    BadInput as `factor`, for another `lobe`, and for a `share` with a separate lobe.
+    `terms`, `share`, `error`, `map_size` and `light` are those of `factoring.factor`. If `terms` or a `share` are
+    given, a lobe is separate only if `lobe` requires it. The rest has the rule `error` (default: `ERROR`), unless there
+    are `terms`. A material with a texture has the factors of its two parts, `terms` of each. Raises BadInput as
+    `factor`, for another `lobe`, and for a `share` with a separate lobe.
     """
     if lobe not in LOBES:
         raise BadInput(where="lobe", found=repr(lobe), expected=f"one of {', '.join(LOBES)}")

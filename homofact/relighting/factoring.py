@@ -30,14 +30,14 @@ def factor(
     error: float | None = None,
     light: EnvironmentMap | None = None,
 ) -> InOutFactors:
-    """The factors of a reflectance of 1 or 3 channels, how many by one of three rules.
+    """Return the factors of a reflectance of 1 or 3 channels; one of three rules gives their number.
 
-    `terms` of them; or so many that the light sent back is expected to err by `error` at most, relative RMS; or as many
-    as hold `share` of f's energy. `light` is what errors and strengths are reckoned for, natural light unless given;
-    the functions are those of natural light all the same. `MOST_TERMS` at most: whether they were enough for an `error`
-    is in `expected_error`. Raises BadInput for terms outside 1 to `MOST_TERMS`, terms and an error both, an error or a
-    share outside (0, 1), maps of fewer than 8 texels across, and a reflectance without energy or with values that are
-    not finite.
+    The rules are: `terms` of them; the fewest with an expected relative RMS error of the reflected light of at most
+    `error`; or the fewest with `share` of f's energy. Errors and strengths are computed for `light`. Default: natural
+    light, which always determines the functions. There are at most `MOST_TERMS`; compare `expected_error` with `error`
+    to see if they were enough. Raises BadInput for terms outside 1 to `MOST_TERMS`, terms and an error both, an error
+    or a share outside (0, 1), maps of fewer than 8 texels across, and a reflectance without energy or with values that
+    are not finite.
     """
     return factors_of_sizes(reflectance, (map_size,), terms, share, error, light)[0]
 
@@ -54,7 +54,7 @@ def factors_of_sizes(
 ) -> list[InOutFactors]:
     """`factor` on maps of several sizes: the same terms, decomposed once. Raises BadInput as `factor`.
 
-    `whole` is the energy that errors are relative to, the reflectance's own unless given: of a part of a material.
+    Errors are relative to the energy `whole`, which parts of a material need. Default: the energy of the reflectance.
     """
     if terms is not None and not 1 <= terms <= MOST_TERMS:
         raise BadInput(where="terms", found=terms, expected=f"1 to {MOST_TERMS}")

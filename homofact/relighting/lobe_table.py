@@ -51,9 +51,9 @@ _HALF_VIEW, _HALF_AZIMUTHS = 0.5, 8
 class LobeTable:
     """T as `values` (levels, turns, N, N, 3) float32 in sr⁻¹; `width` is w; φo has the `period` in radians.
 
-    `cosine` says whether cosθi is in T; `tinted` (levels, 3) float32 which part of each channel the base colour of a
-    texture multiplies, linear between the nodes of θo; None where there is no texture. A `Reflectance` of three
-    channels: the lobe.
+    `cosine` is true if T includes cosθi. `tinted` (levels, 3) float32 is the part of each channel that the base colour
+    of a texture multiplies, linear between the nodes of θo; None without a texture. The table is a `Reflectance` of
+    three channels: the lobe.
     """
 
     values: np.ndarray
@@ -177,10 +177,9 @@ def lobe_table(reflectance: Reflectance) -> LobeTable:
 
 
 def sun_tables(reflectance: Reflectance, lobe: LobeTable | None = None) -> tuple[LobeTable, ...]:
-    """Tables that add up to all of a reflectance of 1 or 3 channels: one, or of a sharp lobe two.
+    """Return tables that add up to a reflectance of 1 or 3 channels: one, or two if it has a sharp lobe.
 
-    Of a material with a texture one more, since its parts have tables of their own. `lobe` is its lobe, where that is
-    known.
+    A material with a texture has one more, since each of its parts has its own table. `lobe` is its lobe, if known.
     """
     broad = lobe is None and _WIDTHS * half_width(reflectance) > _BROAD
     if not broad and lobe is None:

@@ -45,10 +45,10 @@ _EXPECTED = "a block of transport that homofact wrote"
 
 @dataclass(frozen=True)
 class TransportSettings:
-    """How transport is sampled and what of it is kept.
+    """Settings for the sampling of transport and the number of stored coefficients.
 
     `cube` texels along a face; `rays` across each texel (1 or 2: one ray or four); `kept` coefficients per vector,
-    unless `tolerance` says how much of a vertex's root sum square may be left out.
+    unless `tolerance` limits the share of a vertex's root sum square that is left out.
     """
 
     cube: int = 64

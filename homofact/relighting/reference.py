@@ -110,13 +110,13 @@ def vertex_radiance(
     offset: float | None = None,
     which: np.ndarray | None = None,
 ) -> Estimate:
-    """Radiance that the vertices send to a camera at `place`, by `repeats` independent runs of `samples` each.
+    """Estimate the radiance of vertices towards a camera at `place`, by `repeats` independent runs of `samples` each.
 
-    Of all vertices, or of those that `which` (S,) lists, in its order. The standard error is that of the runs' mean.
+    The vertices are all, or those in `which` (S,), in its order. The standard error is that of the runs' mean.
     `material` is a `Reflectance` of R, G, B or one channel, or the path of an RGL file (`.bsdf`, by Mitsuba's
-    `measured`, which takes the viewer for the file's ωi) or of a saved fit (by homofact's own material). `offset` is
-    that of `meshes.occlusion` unless given. Raises MissingDependency without Mitsuba, BadInput for bad numbers and for
-    what the material refuses.
+    `measured`, which takes the viewer for the file's ωi) or of a saved fit (by homofact's own material). `offset`
+    defaults to that of `meshes.occlusion`. Raises MissingDependency without Mitsuba, BadInput for bad numbers and for
+    everything that the material rejects.
     """
     _check_counts(samples, repeats)
     wanted = np.arange(len(geometry.positions)) if which is None else np.asarray(which)

@@ -68,10 +68,10 @@ def shaded(
     eye: Sequence[float] | np.ndarray,
     terms: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Radiance (V, 3) float32 towards a point `eye` (3,) of K-tuples (V, K, 3); negative residues stay in it.
+    """Return the radiance (V, 3) float32 of K-tuples (V, K, 3) towards a point `eye` (3,), with negative residues.
 
-    0 where a vertex is seen from behind. `terms` numbers those that count, all unless given. Raises BadInput for an
-    eye that is no point.
+    It is 0 at vertices that face away. `terms` lists the indices of the used terms. Default: all. Raises BadInput if
+    `eye` is not a point.
     """
     point = checked_eye(eye)
     out = np.empty((transport.vertices, 3), np.float32)

@@ -101,10 +101,10 @@ class RelightResult:
         return () if lit is None else lit.suns
 
     def shade(self, light: Light, eye: Sequence[float], suns: bool = False) -> list[np.ndarray]:
-        """Radiance (V, 3) of each object's vertices towards the point `eye`, under another light.
+        """Return the radiance (V, 3) of each object's vertices towards the point `eye`, under another light.
 
-        A light is an `EnvironmentMap`, a cube map of radiance, a .hdr or .exr file, or the name of a built-in one.
-        `suns` says whether those of the scene shine beside it. Raises BadInput for what is no light or no point.
+        A light is an `EnvironmentMap`, a cube map of radiance, a .hdr or .exr file, or the name of a built-in one. If
+        `suns`, the suns of the scene are added. Raises BadInput for other lights and points.
         """
         opened = opened_light(light)
         sizes = [thing.transport.settings.cube for thing in self.objects]

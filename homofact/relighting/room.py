@@ -14,9 +14,9 @@ _GIGABYTE = 2**30
 
 
 def check_room(scene: RelightScene, blocks: Path | None) -> None:
-    """Raise BadInput, with a size that would do, where a scene needs more memory or disk than there is.
+    """Raise BadInput, which suggests a size that fits, if a scene needs more memory or disk space than available.
 
-    `blocks` is the folder for blocks of transport, which otherwise stand in memory.
+    `blocks` is the folder for blocks of transport, which are otherwise kept in memory.
     """
     cost, settings = scene.cost, scene.file.settings
     bounded = settings.tolerance is None and scene.file.reflected is None

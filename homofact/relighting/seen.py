@@ -29,10 +29,10 @@ RIM = 0.2  # the rim is where cosθo is below this: 4% of a sphere's picture
 
 @dataclass
 class SeenVertices:
-    """Vertices that an eye sees, with what their light is summed from.
+    """Vertices that an eye sees, with the inputs to the sum of their light.
 
-    `weights` (S,) are their parts of the picture, alike unless given; `view` (S, 3) is the view in their frames,
-    where it is not the eye's; `tints` (V, 3) are those of a texture at all vertices of the mesh.
+    `weights` (S,) are their parts of the picture (default: equal); `view` (S, 3) is the view in their frames, where it
+    is not the eye's; `tints` (V, 3) are those of a texture at all vertices of the mesh.
     """
 
     mesh: Mesh

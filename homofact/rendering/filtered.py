@@ -76,11 +76,11 @@ def render_filtered(
 
 
 class Surroundings(NamedTuple):
-    """All that pictures of one size from one view need of an environment: the same for every material.
+    """The data of an environment for pictures of one size from one view, the same for every material.
 
     `light` holds the environment itself; `places` (P,) and `azimuths` (P,) are θo and the azimuth round the view of the
-    normals of the covered pixels, `pixels` (P,) where they are; `lamps` (directions and lights, (K, 3) each) stand for
-    the whole environment.
+    normals of the covered pixels, `pixels` (P,) where they are; `lamps` (directions and lights, (K, 3) each)
+    approximate the whole environment.
     """
 
     light: EnvironmentMap

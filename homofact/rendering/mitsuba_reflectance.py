@@ -37,7 +37,7 @@ def reflectance_bsdf(reflectance: Reflectance) -> Any:
 def evaluated_calls() -> Iterator[None]:
     """Within it Mitsuba calls materials on arrays in memory, as one made by `reflectance_bsdf` needs it to.
 
-    The loop over a path's segments has to stand in memory too.
+    The loop over a path's segments has to be kept in memory too.
     """
     dr = import_module("drjit")
     with dr.scoped_set_flag(dr.JitFlag.SymbolicCalls, False), dr.scoped_set_flag(dr.JitFlag.SymbolicLoops, False):

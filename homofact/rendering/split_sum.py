@@ -162,9 +162,9 @@ def _seen(shade, theta: float, across: float | None, known: Potentials) -> _Seen
 
 @dataclass(frozen=True)
 class _Layout:
-    """How the numbers that are searched make `count` lobes: each level and tilt its own, or a middle and a pair.
+    """The mapping of the searched numbers to `count` lobes: separate levels and tilts, or a middle lobe and a pair.
 
-    `signed` says whether shares may be below 0.
+    If `signed`, shares may be negative.
     """
 
     count: int

@@ -173,7 +173,7 @@ def environment_coefficients(light: EnvironmentMap, order: int) -> Tensor:
 def texel_directions(rows: int, columns: int, turn: float = 0.0, which: Tensor | None = None) -> Tensor:
     """Unit directions (rows·columns, 3) of a lat-long map's texel centres, laid out as `rendering.light` says.
 
-    `which` numbers the rows, all unless given.
+    `which` lists the indices of the rows. Default: all.
     """
     own = torch.arange(rows) if which is None else which
     polar = (own.double() + 0.5) * (math.pi / rows)

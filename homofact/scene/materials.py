@@ -27,9 +27,10 @@ Stage = Callable[[str], object]
 
 @dataclass(frozen=True, kw_only=True)
 class MaterialTable:
-    """What objects and the ground have alike: exactly one of `material` and `albedo`.
+    """The keys that objects and the ground share: exactly one of `material` and `albedo`.
 
-    A kind of scene says in a class of this one what else it asks of both, and mixes it into its object and its ground.
+    A kind of scene declares its further keys for both in a subclass of this one, which is mixed into its object and its
+    ground.
     """
 
     material: str | None = None
@@ -52,10 +53,11 @@ class MaterialTable:
 
 @dataclass(frozen=True)
 class OpenedMaterial:
-    """A material of a scene: as `words` name it, and the reflectance that it is.
+    """A material of a scene: `words` are its name in the file, and `reflectance` is the BRDF.
 
-    `kind` is "fit", a result of `factorize` or the `fit` that stands for a file, "source", a named material, "matt", an
-    albedo, or "part", that of a glTF part. The mean of its `picture` (H, W, 3), in linear light, is in its base colour.
+    `kind` is "fit" (a result of `factorize` or the `fit` that replaces a file), "source" (a named material), "matt" (an
+    albedo) or "part" (the material of a glTF part). The mean of its `picture` (H, W, 3), in linear light, is in its
+    base colour.
     """
 
     words: str

@@ -52,8 +52,8 @@ def faded(mesh: Mesh) -> tuple[float, float] | None:
 class MeshGroup:
     """Several meshes as one: all `positions`, `normals` (V, 3) and `triangles` (T, 3), and the mesh that each is of.
 
-    `owners` (T,) number the meshes; `uv` (V, 2) are texture coordinates, 0 where a mesh has none. Raises BadInput as
-    `meshes.occlusion.Occluder`, once `occluder` is asked for.
+    `owners` (T,) number the meshes; `uv` (V, 2) are texture coordinates, 0 where a mesh has none. `occluder` raises
+    BadInput as `meshes.occlusion.Occluder` does.
     """
 
     def __init__(self, meshes: Sequence[Mesh]) -> None:

@@ -114,10 +114,10 @@ def place_objects(
     stage: Stage | None = None,
     fits: FileFits | None = None,
 ) -> tuple[tuple[SceneObject, ...], tuple[str, ...]]:
-    """(objects in their places, the ground last; what was found on the way, a line each).
+    """Return (placed objects, with the ground last; one line for each remark).
 
-    An open mesh that a camera sees from behind gets a back. `stage` is called with what is being read, `fits` has the
-    fits that stand for files of measurements. Raises BadInput for what cannot be read.
+    An open mesh that a camera sees from behind gets a back side. `stage` is called with the name of each file that is
+    read, and `fits` has the fits that replace files of measurements. Raises BadInput if a file cannot be read.
     """
     meshes, notes = [], []
     for table in objects:

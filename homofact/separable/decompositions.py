@@ -29,8 +29,8 @@ POWERS = 4
 class Factors:
     """M ≈ left diag(signs) rightᵀ.
 
-    `left` (n, K); `right` (m, K), or None where it is `left`; `signs` (K,) of ±1. `converged` says whether an
-    iteration met its tolerance, `iterations` how many there were.
+    `left` (n, K); `right` (m, K), or None where it is `left`; `signs` (K,) of ±1. `converged` is true if an iteration
+    met its tolerance, and `iterations` is their number.
     """
 
     left: Tensor

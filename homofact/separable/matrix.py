@@ -58,9 +58,9 @@ def brdf_matrix(
 ) -> BrdfMatrix:
     """Evaluate `reflectance` at all pairs of texels of `size`² maps.
 
-    `isotropic`: pairs that are alike but for azimuth, mirroring and exchange are evaluated once (an isotropic
-    interpolant is reciprocal). `reciprocal` makes an in-out matrix symmetric to the last bit, the mean of both ways.
-    Raises BadInput for an unknown parameterization, a size below 2 or one whose matrix would be too large.
+    `isotropic`: pairs that differ only by azimuth, mirroring and exchange are evaluated once (an isotropic interpolant
+    is reciprocal). `reciprocal` makes an in-out matrix symmetric to the last bit, the mean of both ways. Raises
+    BadInput for an unknown parameterization, a size below 2 or one whose matrix would be too large.
     """
     if parameterization not in SIDES:
         raise BadInput(where="parameterization", found=repr(parameterization), expected=" or ".join(SIDES))

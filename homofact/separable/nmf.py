@@ -19,8 +19,8 @@ from homofact.errors import BadInput
 class NonNegative:
     """M ≈ left rightᵀ with left (n, K) and right (m, K) ≥ 0, both sides of a term of one norm.
 
-    `objectives` are Σ w (M − left rightᵀ)² at the start and after every update of both; `converged` says whether
-    the last ones changed less than the tolerance.
+    `objectives` are Σ w (M − left rightᵀ)² at the start and after every update of both; `converged` is true if the last
+    ones changed less than the tolerance.
     """
 
     left: Tensor

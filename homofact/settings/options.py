@@ -24,11 +24,11 @@ class Option:
     """What a field says of itself.
 
     `help` is a sentence without its full stop; `choices` the words it may be (each of them, for a list); `least`,
-    `above`, `below` and `most` its range, `unit` that of its number. `none` is what None stands for, in words.
-    `expected_instead(value)` is a check of its own: what is expected where the value will not do, else None.
-    A text is split into a list at `separators`. On the command line the option is `flag` where the field's name is no
-    good word there (an argument without dashes where `argument`), shown as `metavar`; `panel` is its heading. A long
-    help shows of the source and the fit what is `everyday` alone.
+    `above`, `below` and `most` its range, `unit` that of its number. `none` describes the meaning of None.
+    `expected_instead(value)` is a check of its own: what is expected where the value will not do, else None. A text is
+    split into a list at `separators`. On the command line the option is `flag` where the field's name is no good word
+    there (an argument without dashes where `argument`), shown as `metavar`; `panel` is its heading. A long help shows
+    of the source and the fit what is `everyday` alone.
     """
 
     help: str

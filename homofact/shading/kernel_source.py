@@ -103,8 +103,8 @@ class _Source:
 def kernel_source(program: Program) -> tuple[str, dict[str, np.float32]]:
     """(source of `kernel(wi, wo, values, *textures)`, its constants by name).
 
-    Arrays are flat: directions and values of all pairs one behind the other, textures of `texel_width` numbers a texel.
-    Raises BadInput where two of the program's names would be one in the kernel.
+    Arrays are flat: directions and values of all pairs one after the other, textures with `texel_width` numbers per
+    texel. Raises BadInput if two names of the program would be equal in the kernel.
     """
     _check_names(program)
     made = _Source(program, {}, {}, [])

@@ -199,9 +199,10 @@ class DaskCluster:
 
 
 def _answering(address: str) -> str:
-    """The address, where a scheduler answers there within `_PATIENCE` seconds. Raises BadInput.
+    """Return the address if a scheduler answers there within `_PATIENCE` seconds; raise BadInput otherwise.
 
-    Asked before a client is made: Dask's own waits for ever for what takes a connection and says nothing.
+    This check comes before the client, since Dask's own client waits forever if a server accepts the connection and
+    sends nothing.
     """
     from distributed import Security
     from distributed.core import rpc

@@ -95,8 +95,8 @@ def quadrature(order: int, low: float = -1.0) -> tuple[Tensor, Tensor]:
 def project(function: Callable[[Tensor], Tensor], order: int, nodes: int | None = None, low: float = -1.0) -> Tensor:
     """Coefficients ((order+1)², C) of a function of unit vectors, (Q, 3) → (Q, C), by quadrature of order `nodes`.
 
-    `low` is the least cosθ where the function is not 0: a cut at the horizon (low = 0) then costs no accuracy.
-    `nodes` is `order` unless given; more are needed for a function with content above `order`.
+    `low` is the least cosθ where the function is not 0: a cut at the horizon (low = 0) then costs no accuracy. `nodes`
+    defaults to `order`; a function with content above `order` needs more.
     """
     w, weights = quadrature(order if nodes is None else nodes, low)
     return harmonics(order, w).T @ (weights[:, None] * function(w))

@@ -79,7 +79,7 @@ class Decomposition:
     Attributes
     ----------
     grid : where the functions are sampled.
-    sigma : (C, R) singular values; those of m > 0 stand for two.
+    sigma : (C, R) singular values; those of m > 0 count twice.
     order : (C, R) Fourier order m ≥ 0 in azimuth; 0 throughout where anisotropic.
     left, right : (C, R, rings) complex for isotropic, (C, R, rings, turns) real for anisotropic kernels:
         f = Σ multiplicity · σ/2π · Re(left(θi) right(θo) exp(im(φo − φi))), anisotropic f = Σ σ left(ωi) right(ωo).
@@ -128,10 +128,10 @@ def count_for_share(values: Tensor, share: float) -> int:
 def decompose(
     reflectance: Reflectance, grid: DirectionGrid, symmetry: Symmetry | None = None, mean: bool = False
 ) -> Decomposition:
-    """The decomposition of a reflectance (or of any kernel with its `evaluate` and `channels`) on `grid`.
+    """Return the decomposition of a reflectance (or of any kernel with `evaluate` and `channels`) on `grid`.
 
-    `symmetry` is found out unless given. `mean` decomposes the mean of the channels instead of each, as the paper
-    does. Raises BadInput for values that are not finite.
+    `symmetry` is tested by default. `mean` decomposes the mean of the channels instead of each, as the paper does.
+    Raises BadInput for values that are not finite.
     """
     known = find_symmetry(reflectance, grid.limit) if symmetry is None else symmetry
     channels = ("mean",) if mean else reflectance.channels

@@ -170,9 +170,9 @@ class _Problem:
         return cls(half, half[rows, p, q], weights, rows, pairs, partner, degree, noise, floor)
 
     def spanning_scales(self) -> tuple[Tensor, Tensor]:
-        """(a first x, the number of the scale of each order): the strongest couplings tie the orders, from 0 on.
+        """Return (a first x, the number of the scale of each order); the strongest couplings link the orders.
 
-        Of each order the leading singular pair is B̃ ≈ u v; reciprocity is t_p v_lpq = t_l v_plq where x_l = t_l u.
+        For each order the leading singular pair is B̃ ≈ u v; reciprocity is t_p v_lpq = t_l v_plq with x_l = t_l u.
         """
         count = len(self.partner)
         root = torch.where(torch.arange(count) > 0, 2.0, 1.0).double().sqrt()

@@ -27,9 +27,9 @@ from homofact.theory.reflection import normalisation
 def transfer_coefficients(reflectance: Reflectance, order: int, nodes: int | None = None) -> Tensor:
     """ρ̃_lpq of an isotropic BRDF, (order+1, order+1, 2·order+1, C) by [l, p, q + order]; 0 for |q| > min(l, p).
 
-    By quadrature with `nodes` nodes in cosθi and in cosθo and twice as many in Δφ (four times the order and 16
-    unless given; a sharp lobe needs more). It is symmetric in l and p as far as the BRDF is reciprocal. The part odd
-    in Δφ, which an isotropic BRDF may have, is averaged out.
+    By quadrature with `nodes` nodes in cosθi and in cosθo and twice as many in Δφ (default: four times the order and
+    16; a sharp lobe needs more). It is symmetric in l and p as far as the BRDF is reciprocal. The part odd in Δφ, which
+    an isotropic BRDF may have, is averaged out.
     """
     count = 4 * order + 16 if nodes is None else nodes
     cosine, weights = gauss_legendre(count, 0.0, 1.0)

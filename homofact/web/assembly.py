@@ -42,7 +42,7 @@ def assembled(
 
     What pages have alike is put in first (`_pieced`). `policy` is what the page may load beside pictures in its data;
     `head` is another text than head.html; `content` is HTML that was made, in which no mark is looked for. The one
-    style and the one script are allowed by their digests: nothing else that stands in the page runs.
+    style and the one script are allowed by their digests: nothing else in the page runs.
     """
     # In JSON a letter may be written by its number: the text can then neither end nor open anything in HTML.
     text = json.dumps(harmless_words(data), ensure_ascii=False, allow_nan=False, separators=(",", ":"))

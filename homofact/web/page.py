@@ -61,10 +61,10 @@ def write_view(
 
     The source is the fit's own, found as `reopen` does with the folders `near`, unless another is given. Where it is
     gone the page shows the fit alone and says why; the errors and the verdict are then those of `report`, the record of
-    the fit (`ComparisonRow.record`), where it is given. `stage` is told what is being done. `shown` is the source's
-    layer where another page had it made, `baselines` the fits of McCool's projections that other pages of the same
-    source had made, to which this one's is added. Raises BadInput for channels that cannot be shown, a `source` that is
-    given and cannot be read, and a place that cannot be written.
+    the fit (`ComparisonRow.record`), where it is given. `stage` is called with a description of each step. `shown` is
+    the source's layer where another page had it made, `baselines` the fits of McCool's projections that other pages of
+    the same source had made, to which this one's is added. Raises BadInput for channels that cannot be shown, a
+    `source` that is given and cannot be read, and a place that cannot be written.
     """
     from homofact.evaluation.metrics import measure
     from homofact.shading.program import name_of

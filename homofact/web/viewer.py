@@ -45,8 +45,8 @@ class LayerTexture:
 
     `name` is the sampler2D in the shader text; `pixels` (rows, columns, 4) float32, float16 or uint8, row 0 at texture
     coordinate 0; `caption` says what it is (its projection); `mask` (rows, columns), where given, is False where no
-    pair of directions reads. For the pictures of textures only: a texel stands for pixel · `scale` + `bias` of its
-    first three channels (uint8: pixel/255), taken as they are where they are None, and `quantity` says of what: "log"
+    pair of directions reads. The rest is only for the pictures of textures: a texel encodes pixel · `scale` + `bias` of
+    its first three channels (uint8: pixel/255), or the pixel itself if they are None. `quantity` names its value: "log"
     for the textures of a product, "factor" for those of a sum of products.
     """
 

@@ -28,8 +28,8 @@ Colour = tuple[float, ...]
 class AnalyticModel(ABC):
     """Base of the models: a `Reflectance` that reads no table.
 
-    Subclasses declare their parameters as fields (`Colour` fields have one number a channel) and write
-    `formula`. `channels` names the C channels.
+    Subclasses declare their parameters as fields (`Colour` fields have one number per channel) and write `formula`.
+    `channels` names the C channels.
     """
 
     channels: tuple[str, ...] = field(default=RGB, kw_only=True)

@@ -162,11 +162,12 @@ def _extent(samples: Samples) -> Tensor:
 
 
 def _on_discs(samples: Samples) -> np.ndarray:
-    """Where pairs are to be neighbours (N, 3) or (N, 4): near in both parabolic discs.
+    """Return coordinates of pairs for a search of neighbours in both parabolic discs, (N, 3) or (N, 4).
 
-    Of isotropic pairs that is told by half the sum and half the difference of the two points in the discs: their
-    lengths, and the angle between them, up to a right one, times the shorter. It is the distance in the discs, to √2,
-    and the least over turns about the normal, mirror images and exchange of the two directions.
+    For isotropic pairs the coordinates come from half the sum and half the difference of the two points in the discs:
+    their lengths, and the angle between them (at most a right angle) times the shorter length. Distances in these
+    coordinates equal the distance in the discs within a factor of √2, minimised over rotations about the normal, mirror
+    images and exchange of the two directions.
     """
     discs = coordinate_system("in-out").evaluate(samples.wi, samples.wo).cpu().numpy()
     if not samples.isotropic:

@@ -114,9 +114,10 @@ def _logs(samples: Samples) -> np.ndarray:
 
 
 def _before(angle: np.ndarray, itself: bool) -> np.ndarray:
-    """The numbers (N, `BEFORE`) of the samples with the next smaller angles, `itself` among them or not.
+    """Return the indices (N, `BEFORE`) of the samples with the next smaller angles, with or without `itself`.
 
-    Of the innermost there are fewer: these stand for the missing ones. The first without itself has the second.
+    The innermost samples have fewer of them, which are repeated for the missing ones. Without itself, the first sample
+    gets the second.
     """
     order = np.argsort(angle, kind="stable")
     rank = np.empty(len(angle), dtype=np.int64)

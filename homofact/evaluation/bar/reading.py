@@ -46,7 +46,7 @@ class SampleReading:
     Attributes
     ----------
     apart : RMS of log fit less reading, each half of the samples at the places of the other, weighted by light.
-    mended : the same of what the mended fit adds.
+    mended : the same of what the corrected fit adds.
     bias : of what the fit misses, the part on which both halves agree: noise is not in it.
     albedo : per angle, log of the corrected fit's total light over the fit's, of the channel that is farthest off.
     read_albedo : the same of the plain reading.

@@ -53,7 +53,7 @@ class Table:
     """All models: bars of `QUANTITIES` and of the albedo by angle, if the data are right and if anything may be wrong.
 
     `bars[kind][quantity]` and `angles[kind]`, a model for each of `energy.ALBEDO_DEGREES`; `kind` is "right" or
-    "fault". `warning` gives the log odds that a fit is bad, `threshold` the probability from which on it is warned of.
+    "fault". `warning` gives the log odds that a fit is bad, `threshold` the probability at which the verdict warns.
     `made` says by what the table was made: script, seed, fits, hash, version.
     """
 

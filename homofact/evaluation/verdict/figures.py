@@ -116,11 +116,11 @@ class CoverageFigures:
     unmeasured : share of the fit's light at pairs of directions that lie beyond the measurement.
     unresolved : share of the brightest part of a measurement's light that stands between samples, as `flux` says.
     rising : exponent at which a measurement still rises towards the mirror direction where its samples end, as `flux`
-        says; 0 where the source can be asked.
+        says; 0 if the source can be evaluated.
     lowest, highest : θ in degrees of the directions that were measured, a thousandth left out at either end; 0 and 90
-        where the source can be asked.
+        if the source can be evaluated.
     samples : how many the fit was made from.
-    innermost : θh in degrees within which a handful of samples lie; 0 where the source can be asked.
+    innermost : θh in degrees within which a handful of samples lie; 0 if the source can be evaluated.
     contrast : how much brighter these are than those at 20 to 30°.
     """
 

@@ -87,7 +87,7 @@ def worst_band(
 def brightest(samples: Samples, flux: Tensor, found: Tensor) -> float | None:
     """Light of the fit over that of the samples, where they are brightest and hold `BRIGHTEST` of it; None for too few.
 
-    How bright a place is, is said by the samples around it: of noisy ones the brightest would be those whose noise is.
+    The surrounding samples give the brightness of a place, since the brightest noisy samples are those with most noise.
     """
     if len(samples) < 4 * BESIDE:
         return None

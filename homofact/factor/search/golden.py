@@ -8,10 +8,10 @@ GOLDEN = 0.6180339887498949
 def golden_section(
     function: Callable[[float], float], at_zero: float, step: float, tolerance: float, period: float
 ) -> tuple[float, float]:
-    """(t, value) of a local minimum of a periodic function, started at t = 0 where it is `at_zero`.
+    """Return (t, value) of a local minimum of a periodic function, starting at t = 0, where it is `at_zero`.
 
-    First a bracket a < b < c with g(b) below both ends is sought downhill from 0, in steps that grow by
-    the golden ratio from `step` but never past half a period; then it shrinks by that ratio to `tolerance`.
+    First, the search steps downhill from 0 to find a bracket a < b < c with g(b) below both ends; the steps grow from
+    `step` by the golden ratio, up to half a period. Then the bracket shrinks by the same ratio to `tolerance`.
     """
     best_t, best = 0.0, at_zero
     ahead = function(step)

@@ -78,10 +78,10 @@ class PageObject:
 
 @dataclass(frozen=True)
 class PageReference:
-    """What the page's error is against: `colours`, radiance (V, 3) towards the camera of each object's vertices.
+    """The reference of the page's error: `colours`, radiance (V, 3) of each object's vertices towards the camera.
 
-    NaN where a vertex has none: it is left out, as are those that face away. Made under the sky of index `sky`, not
-    turned; `words` say how.
+    Vertices without a value are NaN and left out, as are those that face away. The reference was computed under the sky
+    of index `sky` without rotation; `words` describe the method.
     """
 
     colours: Sequence[np.ndarray]

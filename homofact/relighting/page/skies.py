@@ -29,10 +29,10 @@ class PageSky:
 
 
 def page_sky(name: str, light: EnvironmentMap, size: int) -> PageSky:
-    """The sky of an environment map for transport on cube maps of `size` texels along a face.
+    """Return the sky of an environment map for transport on cube maps of `size` texels along a face.
 
-    The picture has at least four rows a texel along a face where the map has them: a turn then loses nothing that the
-    cube map could hold.
+    The picture has at least four rows per texel along a face, if the map has them, so that a rotation loses no detail
+    that the cube map can store.
     """
     own = light.radiance.expand(-1, -1, 3).numpy()
     # The picture begins as the light stands, to half a texel; the cube map is exact.

@@ -55,9 +55,10 @@ class SweepComparison:
 
 
 def change(metric: Metric, before: float, now: float) -> float:
-    """How much worse `now` is, negative where it is better.
+    """Return how much worse `now` is, negative if it is better.
 
-    Of an error the difference's share of the larger one, of a ratio the step of its distance from 1, of a PSNR dB.
+    For an error it is the difference relative to the larger value, for a ratio the change of its distance from 1, for a
+    PSNR the difference in dB.
     """
     if metric.good == "low":
         larger = max(abs(before), abs(now))

@@ -37,9 +37,9 @@ class Suspicion:
 class Check:
     """A fault that samples may have.
 
-    `figures` measure it (None where these samples cannot tell), `LOGISTIC[name]` of the calibration turns them into log
-    odds; `words(figures)` say what is found, those of `undo` unless given. `undo` is a name of `undo.UNDO`, empty where
-    nothing undoes it; then `remedy` says what to do.
+    `figures` measure it (None if these samples cannot decide), and `LOGISTIC[name]` of the calibration converts them to
+    log odds. `words(figures)` describe the finding. Default: the words of `undo`. `undo` is a name of `undo.UNDO`, or
+    empty if the fault cannot be undone; `remedy` then gives advice.
     """
 
     name: str

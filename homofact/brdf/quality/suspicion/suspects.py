@@ -29,10 +29,10 @@ _REST = ("drift-with-angle", "gains", "drift-in-time", "ring", "shadow")
 
 
 def suspicions(samples: Samples, seed: int = 0) -> list[Suspicion]:
-    """What is suspected, likeliest first; nothing of fewer than `LEAST_SAMPLES` samples.
+    """Return the suspicions, likeliest first; none for fewer than `LEAST_SAMPLES` samples.
 
-    A few thousand samples are looked at, drawn by `seed`. The odds are against the samples as they stand, both taken
-    as equally likely before; under `SAID` to 1 nothing is said.
+    The checks use a few thousand samples, drawn by `seed`. The odds compare the fault with unchanged samples, at prior
+    odds of 1. Suspicions with odds below `SAID` to 1 are left out.
     """
     if len(samples) < LEAST_SAMPLES or not bool((samples.values > 0).any()):
         return []
