@@ -85,7 +85,7 @@ class CompareResult:
     fits : int
         How many fits of a method to a source were planned.
     several : bool
-        Whether it was asked for a list of sources.
+        Whether the call had a list of sources.
     interrupted : bool
         Whether Ctrl-C ended it before all of them were done.
     files : dict of Path
@@ -163,7 +163,7 @@ def compare(
     Parameters
     ----------
     source : source, path, or list of these
-        What is fitted, as for `fit`. Of several sources there are means and standard deviations too.
+        The source to fit, as for `fit`. For several sources, there are means and standard deviations too.
     methods : sequence of str or Method, or dict, optional
         Methods by name ("mccool:theta_h-theta_d+wi" has fixed projections, "ggx:2" two lobes), as objects, or as
         objects by label.
@@ -178,7 +178,7 @@ def compare(
     plot, csv, latex : path, optional
         Files to write: a figure of the errors (.png, .pdf, .svg; one source only), and the means (.csv, .tex).
     strict : bool or float, optional
-        Refuse a fit that is warned of; a number is the probability of a bad fit above which it is refused.
+        Raise an error if the verdict warns; a number is the largest accepted probability of a bad fit.
     refuse : sequence of str, optional
         Refuse a fit with any of these findings.
     progress : callable, optional

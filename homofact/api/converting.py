@@ -55,7 +55,7 @@ class ConvertResult:
     format : str
         Its format: "merl", "rgl", "zemax", "csv", "npz", "alta", "klems", "tree" or "speos".
     notes : tuple of str
-        What got lost, was interpolated or mended, in sentences.
+        What got lost, was interpolated or repaired, in sentences.
     facts : dict
         The rest of the JSON form: samples, channels, and how far a table is off its source.
     """

@@ -65,8 +65,8 @@ def info(source: Any, *, plot: Place | None = None, seed: int = 0, progress: Pro
     Parameters
     ----------
     source : source or path
-        As for `fit`; a saved fit, its result's or export's folder, whose error bars are said by angle; or the folder of
-        a scene that `relight` or `edit` wrote.
+        As for `fit`; a saved fit or the folder of its result or export, shown with error bars by angle; or the folder
+        of a scene that `relight` or `edit` wrote.
     plot : path, optional
         A .png to draw: a slice, lobes and a lit sphere.
     seed : int, optional

@@ -163,7 +163,7 @@ def apply_curves(
     material : str, optional
         Which material, where several are edited.
     way : {"texels", "solve", "texture"}, optional
-        How the edit is taken into a fit's textures; what suits them unless given.
+        How the edit is applied to a fit's textures. Default: the way that suits them.
     refine : int, optional
         Of the way "texels": steps that one between two texels becomes.
     force : bool, optional

@@ -30,7 +30,7 @@ class EvaluateResult:
     metrics : dict
         The chosen metrics on the test samples; None where one is not defined.
     appearance : Appearance or None
-        Albedo, highlight and pictures beside the source's; None where the source is known at its samples alone.
+        Albedo, highlight and pictures beside the source's; None if the source consists only of samples.
     conditions : list of str
         Under which conditions the metrics hold.
     """

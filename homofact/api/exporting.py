@@ -121,7 +121,7 @@ def export(
     to : path
         The folder that is written, whole or not at all.
     format : str, optional
-        The textures' format, such as "exr", "png8" or "ktx2". "exr", or what `quantize` names, unless given.
+        The textures' format, such as "exr", "png8" or "ktx2". Default: the value of `quantize`, else "exr".
     quantize : {"png8", "png16"}, optional
         Solve for the best texels of 8 or 16 bits, instead of rounding each by itself.
     engine : str, optional
@@ -129,7 +129,7 @@ def export(
     prefilter : path, optional
         A lat-long .hdr or .exr to filter for the material.
     prefilter_side : int, optional
-        Texels per side of the filtered sky's faces, a power of two; 256 unless given.
+        Texels per side of the filtered sky's faces, a power of two. Default: 256.
     source : path or source, optional
         What the fit was made from. It is found by itself where it can be.
     force : bool, optional

@@ -92,13 +92,13 @@ def factorize(
     to : path
         The folder: factorization.npz, manifest.json, report.json, every texture as EXR and PNG, compare.png.
     method : Method or str, optional
-        The method, or its name; `Search` unless given.
+        The method, or its name. Default: `Search`.
     held_out : float, optional
         The part of the samples that is held out of the fit.
     seed : int, optional
         Of the samples of a model, and of a method that is given by name.
     strict : bool or float, optional
-        Refuse a fit that is warned of; a number is the probability of a bad fit above which it is refused.
+        Raise an error if the verdict warns; a number is the largest accepted probability of a bad fit.
     refuse : tuple of str, optional
         Refuse a fit with any of these findings.
     force : bool, optional

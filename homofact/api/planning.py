@@ -35,7 +35,7 @@ class PlanResult:
     verdicts : dict of Verdict
         The verdicts on the choices, by material and choice; None for one colour.
     against : ScenePlan or None
-        The plan under the other lighting that was asked for.
+        The plan under the other lighting, if one was given.
     folders : dict or None
         Where each choice was written, by source; None where nothing was.
     plot : Path or None
@@ -124,7 +124,7 @@ def plan(
     scene : path or Scene
         A TOML file with materials, lighting and tolerance, or with objects to relight; or a `planning.scene.Scene`.
     to : path, optional
-        The folder for the choices and plan.json. Nothing is written unless given.
+        The folder for the choices and plan.json. Default: nothing is written.
     plot : path, optional
         A figure of error against bytes (.png, .pdf, .svg).
     against : str, optional
@@ -138,8 +138,8 @@ def plan(
     count : int, optional
         Pairs drawn from an analytic model.
     strict : bool or float, optional
-        Refuse a missed tolerance, and a fit that is warned of; a number is the probability of a bad fit above which
-        one is refused.
+        Raise an error if a tolerance is missed or a verdict warns; a number is the largest accepted probability of a
+        bad fit.
     refuse : sequence of str, optional
         Refuse a fit with any of these findings.
     force : bool, optional

@@ -86,7 +86,7 @@ def render(
     light : (float, float, float), optional
         Towards a directional light: x right, y up, z to the viewer.
     environment : path, optional
-        A lat-long .hdr or .exr in its place.
+        A lat-long .hdr or .exr that replaces it.
     exposure : float, optional
         Stops brighter than the automatic exposure.
     tonemap : {"filmic", "srgb"}, optional

@@ -190,7 +190,7 @@ class Fit:
         Parameters
         ----------
         quantity : "albedo" (total reflected light, the worst channel), "highlight" (light of the brightest hundredth),
-            "sky" (a sphere's picture under it); of a source that can be asked "lamp" too.
+            "sky" (a sphere's picture under it); also "lamp" if the source can be evaluated.
         theta : an angle of incidence in degrees: the albedo's error there alone.
 
         Returns

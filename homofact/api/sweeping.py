@@ -119,7 +119,7 @@ def sweep(
     to : path
         The folder of the results.
     workers : int, optional
-        Processes on this machine; one for each processor unless given.
+        Processes on this machine. Default: one for each processor.
     scheduler : str, optional
         Dask's workers instead: "local", "tcp://HOST:8786", a scheduler's .json file, or MODULE:CLASS of a cluster.
     retry : bool, optional

@@ -29,7 +29,7 @@ class TermsResult:
     nbytes : int
         Bytes of the measured terms as maps.
     row : ComparisonRow or None
-        The fit beside them, where one was asked for.
+        The fit beside them, if the call had one.
     costs : TermCosts or None
         What the terms and that fit cost.
     """

@@ -73,7 +73,7 @@ def view(
     fit : Fit or path
         A fit, a result's folder, a saved .npz file, or the folder of a scene that `relight` or `edit` wrote.
     to : path, optional
-        The .html file. view.html in the fit's folder, unless given.
+        The .html file. Default: view.html in the fit's folder.
     source : path or source, optional
         What the fit was made from. It is found by itself where it can be.
     mesh : path, optional

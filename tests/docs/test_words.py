@@ -1,6 +1,7 @@
-"""README, CONTRIBUTING, docs/ and what the commands print, checked by the rules of docs/words.toml."""
+"""README, CONTRIBUTING, docs/ and the strings of the package, checked by the rules of docs/words.toml."""
 
 import ast
+import inspect
 import re
 import tomllib
 from pathlib import Path
@@ -10,15 +11,18 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 RULES = tomllib.loads((ROOT / "docs/words.toml").read_text(encoding="utf-8"))["rule"]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
-# What users read on a terminal and in the reference of the commands and the library's front.
-SOURCES = sorted(each for part in ("api", "cli", "settings") for each in (ROOT / "homofact" / part).rglob("*.py"))
-# Code, and quoted output, have words of their own.
+SOURCES = sorted((ROOT / "homofact").rglob("*.py"))
+# The rules do not apply to code and quoted output.
 CODE = re.compile(r"```.*?```|`[^`\n]*`|<!--.*?-->|(?m:^    [^\n]*$)", re.DOTALL)
+# In a docstring only an indented block after a blank line is code: the description of a parameter is indented too.
+DOCSTRING_CODE = re.compile(
+    r"```.*?```|`[^`\n]*`|(?:\A|\n\n)(?: {4}[^\n]*(?:\n\n?|\Z))+|(?m:^ *\w+(?:, \w+)* : )", re.DOTALL
+)
 
 
-def found(text: str) -> list[str]:
-    """What breaks a rule, as "line 3: 'bytes a material': per …"."""
-    bare = CODE.sub(lambda match: re.sub(r"[^\n]", " ", match[0]), text)
+def found(text: str, code: re.Pattern[str] = CODE) -> list[str]:
+    """Return the phrases that break a rule, as "line 3: 'bytes a material': per …"."""
+    bare = code.sub(lambda match: re.sub(r"[^\n]", " ", match[0]), text)
     return [
         f"line {bare.count(chr(10), 0, match.start()) + 1}: {match[0]!r}: {rule['instead']}"
         for rule in RULES
@@ -51,9 +55,25 @@ def test_only_commands_of_a_tutorial_begin_like_one(page: Path) -> None:
     assert re.findall(r"(?m)^homofact [a-z].*$", re.sub(r"(?s)```.*?```", "", text)) == []
 
 
+def wrong_texts(source: str) -> dict[int, list[str]]:
+    """Return the phrases in the strings of a Python source that break a rule, by the first line of the string.
+
+    A string without a space is a name, not a text.
+    """
+    texts = [(each.lineno, each.value) for each in ast.walk(ast.parse(source)) if isinstance(each, ast.Constant)]
+    cleaned = [(line, inspect.cleandoc(text)) for line, text in texts if isinstance(text, str)]
+    wrong = {line: found(text, DOCSTRING_CODE) for line, text in cleaned if re.search(r"\s", text)}
+    return {line: each for line, each in wrong.items() if each}
+
+
+def test_all_of_a_docstring_is_read_except_its_code() -> None:
+    code = '"""\n\n    Numbers:\n\n        3 bytes a texture\n\n    {}\n    """'
+    assert wrong_texts(f"def f():\n    {code.format('')}\n    return {{'mended': 1}}\n") == {}
+    assert list(wrong_texts(f"def f():\n    {code.format('3 bytes a texture')}\n")) == [2]
+    assert list(wrong_texts('"""One.\n\nsize : int\n    3 bytes a texture.\n"""')) == [1]
+    assert wrong_texts('"""One.\n\nmended : int\n    A number.\n"""') == {}
+
+
 @pytest.mark.parametrize("source", SOURCES, ids=lambda source: str(source.relative_to(ROOT)))
 def test_messages_and_docstrings_follow_the_rules(source: Path) -> None:
-    tree = ast.parse(source.read_text(encoding="utf-8"))
-    texts = [(each.lineno, each.value) for each in ast.walk(tree) if isinstance(each, ast.Constant)]
-    wrong = {line: found(text) for line, text in texts if isinstance(text, str)}
-    assert {line: each for line, each in wrong.items() if each} == {}
+    assert wrong_texts(source.read_text(encoding="utf-8")) == {}

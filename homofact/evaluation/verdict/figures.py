@@ -29,7 +29,7 @@ class HeldOutFigures:
     ----------
     gap : held-out over training log MSE.
     explained : share of the variance of the logs, over the discs, that the fit explains, of its worst channel: of the
-        source's at pairs drawn anew where it can be asked, else of the held-out ones.
+        source's at new pairs if it can be evaluated, else of the held-out ones.
     misplaced : Σ|f̂ − f| over Σ f of the held-out light.
     cut : share of the held-out light that is cut at zero.
     """
