@@ -41,9 +41,8 @@ SECTIONS = (
         "Guides",
         (
             "python", "gpu", "measuring", "formats", "lighting", "results", "verdict", "artefacts", "suspicion",
-            "robustness", "export", "interchange", "mitsuba", "spectral", "sampling", "planning", "relighting", "editing",
-            "sweep",
-            "report", "papers",
+            "robustness", "export", "interchange", "mitsuba", "spectral", "sampling", "planning", "relighting",
+            "editing", "sweep", "report", "papers",
         ),
     ),
     Section("Gallery", ("gallery", "editing_gallery")),

@@ -1,7 +1,7 @@
 """A product of textures for a spectrum of many bands, whose textures hold the coordinates of a few basis vectors.
 
 f(ωi, ωo, λ) = A(λ) (exp(Σk sk bk(λ) + b0(λ)) − ε), cut at zero, where sk are sums of lookups as in a `Factorization`
-and the vectors bk stand in a table (`factor.spectral_basis`). It answers in all bands, and it is saved as one .npz, as
+and a table (`factor.spectral_basis`) has the vectors bk. It answers in all bands, and it is saved as one .npz, as
 a `Factorization` is.
 """
 
@@ -151,7 +151,7 @@ class SpectralFit:
 
     @property
     def evaluation(self) -> Evaluation:
-        """That of the product of all bands (`expanded`): a texture's R channels stand for W of them."""
+        """Return that of the product of all bands (`expanded`), where W channels replace the R of a texture."""
         return self.expanded.evaluation
 
     @cached_property

@@ -6,7 +6,7 @@
 * albedo: the light reflected at the incidences of `DEGREES`.
 * highlight: the part of it with a half vector within `HIGHLIGHT` degrees of the normal.
 
-Of each the displayed or relative error is linear in small errors δ of the logarithms L, e = J δ. What uncertainty Σ
+The displayed or relative error of each is linear in small errors δ of the logarithms L, e = J δ. What uncertainty Σ
 of L does to it is tr(W Σ) with W = mean of Jᵀ J over what the material may be like.
 """
 

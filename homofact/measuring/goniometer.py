@@ -33,7 +33,7 @@ class Goniometer:
     ----------
     theta_i, theta_o, phi : the least and greatest angle of the light, the detector and its azimuth. φ is that between
         both directions: 0 is the way back to the light, 180 the side of the mirror direction.
-    separation : the least angle between light and detector, where one stands in the way of the other.
+    separation : the least angle between light and detector, below which one shadows the other.
     resolution : angles are multiples of it.
     rings, azimuths : steps of θo and φ in degrees that an incidence is measured in.
     speed : degrees per second of each axis.

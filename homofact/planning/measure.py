@@ -115,7 +115,7 @@ class RepresentationEvaluator:
         whole = 0.0
         for own, one, view in zip(self._drawn, white, self.stage.views, strict=True):
             sums = [(view.weights[:, None] * product).sum(0) for product in (own * one, one * one)]
-            # A grey material may stand in coloured light.
+            # A grey material may be in coloured light.
             met, there = (a + (b if len(b) == len(names) else b.sum()) for a, b in zip((met, there), sums, strict=True))
             whole += _energy(own, view.weights)
         return met / whole, there / whole
@@ -152,7 +152,7 @@ class RepresentationEvaluator:
 
     @cached_property
     def _study(self) -> SphereImage | None:
-        """The source under the study's light; None where it is known at its samples alone."""
+        """The source under the study's light; None where it is known only at its samples."""
         return None if made_of_samples(self.source.reflectance) else study_picture(self.source.reflectance)
 
     def _under_study(self, reflectance: Reflectance, own: SphereImage) -> float:

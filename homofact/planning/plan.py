@@ -84,7 +84,7 @@ class MaterialPlan:
 
     @property
     def opinion(self) -> Opinion | None:
-        """The grade that people would give the choice; None where its source is known at its samples alone."""
+        """The grade that people would give the choice; None where its source is known only at its samples."""
         differences = [errors.delta_e_study for errors in self.errors[:1]]
         return opinion_table().law.opinion(differences[0]) if differences and not math.isnan(differences[0]) else None
 
@@ -203,11 +203,11 @@ def plan_material(
 ) -> MaterialPlan:
     """Walk the ladder for one material.
 
-    Raises BadInput for a limit on what people would grade where the source is known at its samples alone.
+    Raises BadInput for a limit on what people would grade where the source is known only at its samples.
     """
     if "delta_e_study" in tolerance.kinds and made_of_samples(fits.source.reflectance):
         raise BadInput(
-            f"{fits.source.name} is known at its samples alone, so there is no picture of it to be graded",
+            f"{fits.source.name} is known only at its samples, so there is no picture of it to grade",
             where="tolerance delta_e_study",
             expected="a source that is known everywhere, or another limit such as delta_e",
         )
