@@ -105,7 +105,7 @@ def test_samples_alone_are_not_graded(tmp_path: Path, capsys: pytest.CaptureFixt
     file = scene(tmp_path, str(SYNTHETIC))
     assert main(["plan", str(file), *QUICK, "--tolerance", "visible"]) == 2
     error = capsys.readouterr().err
-    assert "known at its samples alone, so there is no picture of it to be graded" in error
+    assert "known only at its samples, so there is no picture of it to grade" in error
     assert "Traceback" not in error
 
 
