@@ -128,7 +128,7 @@ def _shown(found: "MeasureResult") -> list[Any]:
     at = ", ".join(f"{degrees:g}°" for degrees in told.degrees)
     facts = {
         "samples so far": str(count),
-        "sphere PSNR": f"about {told.psnr:.1f} dB, above {told.psnr_least:.1f} dB for nine of ten surrogates",
+        "sphere PSNR": f"about {told.psnr:.1f} dB, above {told.psnr_least:.1f} dB for nine of ten materials",
         "albedo": f"{factors['albedo']} at {at}",
         "within 6°": f"{factors['highlight']} of the highlight",
         "chosen": f"{len(found.angles)} directions"

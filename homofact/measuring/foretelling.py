@@ -2,7 +2,7 @@
 
 Each draw is a material of the posterior: a centre by its probability, logarithms and ratios about it. Against the draw
 the estimate has an error in its pictures, its albedo and its highlight. The intervals are the `COVERED` quantiles of
-these errors, times factors (`BrdfPrior.widening`) by which they cover the errors of materials that a table left out.
+these errors, times factors (`BrdfPrior.widening`) by which they cover the errors of measured materials.
 """
 
 import math

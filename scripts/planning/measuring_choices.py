@@ -5,7 +5,7 @@ the measured ones. Every choice is completed by the same posterior, so that only
 completion" is the method of Nielsen, Jensen and Ramamoorthi (2015) with their ridge regression. The PSNR is that of
 `evaluation.appearance`: a sphere under a lamp and under a sky, together by their mean squared error.
 
-    python scripts/planning/measuring_choices.py [--data FOLDER] [--out FILE.md]
+    python scripts/planning/measuring_choices.py [--data FOLDER] [--out FILE.md] [--coverage]
 """
 
 import math
@@ -31,7 +31,7 @@ from homofact.measuring.prior import EPSILON, BrdfPrior, read_prior
 from homofact.measuring.rounds import next_round
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
-from scripts.planning.measuring_prior import measured_rounds, values_at
+from scripts.planning.measuring_prior import measured_files, measured_rounds, values_at
 from scripts.shared.harness import cornell_files, data_folder, finish, markdown, parser_of, progress
 
 DIRECTIONS, INCIDENCES, STARTS = 20, 5, 8
@@ -184,8 +184,12 @@ def mean_worth(several: Sequence[Worth]) -> Worth:
 
 @dataclass
 class Measured:
-    """What is gathered over materials: worth by method, whether intervals covered, and CPU seconds of a round."""
+    """What is gathered over materials: worth by method, whether intervals covered, and CPU seconds of a round.
 
+    `tests` are the names of materials on which no factor of the intervals was set.
+    """
+
+    tests: frozenset[str]
     worth: dict[str, list[Worth]]
     covered: dict[tuple[int, str], list[float]]
     seconds: list[float]
@@ -202,8 +206,9 @@ def directions_table(sources: Sequence[Source], prior: BrdfPrior, gathered: Meas
         truth = values_at(material, aims.wi, aims.wo)
         posterior = before_samples(prior, 3)
         for count, _, posterior in measured_rounds(prior, material, goniometer, DIRECTIONS):
-            told, was = foretold(prior, posterior, aims), aim_errors(aims, truth, posterior.values(aims.matrix))
-            _note_cover(gathered, count, told, was)
+            if source.name in gathered.tests:
+                told, was = foretold(prior, posterior, aims), aim_errors(aims, truth, posterior.values(aims.matrix))
+                _note_cover(gathered, count, told, was)
         gathered.worth.setdefault("measure, rounds of 5", []).append(worth(source, posterior, prior))
         began = time.process_time()
         next_round(prior, posterior, goniometer, directions=5)
@@ -313,25 +318,50 @@ def paints_table(files: Sequence[Path], prior: BrdfPrior) -> str:
     return markdown(["paint", "choice", "RMS log error, left-out samples", "PSNR (dB)"], rows, 2)
 
 
+def note_coverage(source: Source, prior: BrdfPrior, gathered: Measured) -> None:
+    """Note whether the intervals cover after each round of a material."""
+    aims = measuring_aims(prior.grid)
+    truth = values_at(source.reflectance, aims.wi, aims.wo)
+    for count, _, posterior in measured_rounds(prior, source.reflectance, Goniometer(), DIRECTIONS):
+        told, was = foretold(prior, posterior, aims), aim_errors(aims, truth, posterior.values(aims.matrix))
+        _note_cover(gathered, count, told, was)
+    progress(source.name)
+
+
+def coverage_parts(gathered: Measured) -> list[str]:
+    """The table of how often the intervals cover."""
+    counts = sorted({count for count, _ in gathered.covered})
+    names = {"albedo": "albedo", "highlight": "highlight", "psnr": "least PSNR"}
+    rows = [[str(n), *(f"{np.mean(gathered.covered[n, key]):.0%}" for key in names)] for n in counts]
+    rows.append(["all", *(f"{np.mean([np.mean(gathered.covered[n, key]) for n in counts]):.0%}" for key in names)])
+    head = f"How often the 90% intervals cover, on {len(gathered.tests)} files on which they were not set:"
+    return [head, markdown(["directions", *names.values()], rows)]
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Print all tables."""
-    options = parser_of(__doc__, "data", "out").parse_args(arguments)
+    parser = parser_of(__doc__, "data", "out")
+    parser.add_argument("--coverage", action="store_true", help="only how often the intervals cover")
+    options = parser.parse_args(arguments)
     folder, prior = data_folder(options.data), read_prior()
     files = sorted((folder / "rgl").glob("*.bsdf"))
     paints, missing = cornell_files(folder)
     if options.short:
         files, paints = files[:1], paints[:1]
     sources = [open_source(str(file), count=1000) for file in files]
-    gathered = Measured({}, {}, [])
+    used = measured_files(folder)
+    tests = [source for file, source in zip(files, sources, strict=True) if file not in used or options.short]
+    gathered = Measured(frozenset(source.name for source in tests), {}, {}, [])
+    if options.coverage:
+        for source in tests:
+            note_coverage(source, prior, gathered)
+        return finish(coverage_parts(gathered), options)
     parts = [
         f"{DIRECTIONS} directions, {len(sources)} RGL materials (medians):", directions_table(sources, prior, gathered),
         f"{INCIDENCES} incidences, the same materials:", incidences_table(sources, prior),
         f"{DIRECTIONS} of the measured directions of the Cornell paints:", paints_table(paints, prior), *missing,
     ]  # fmt: skip
-    counts = sorted({count for count, _ in gathered.covered})
-    names = {"albedo": "albedo", "highlight": "highlight", "psnr": "least PSNR"}
-    rows = [[str(n), *(f"{np.mean(gathered.covered[n, key]):.0%}" for key in names)] for n in counts]
-    parts += ["How often the 90% intervals cover:", markdown(["directions", *names.values()], rows)]
+    parts += coverage_parts(gathered)
     parts.append(
         f"A round takes {np.median(gathered.seconds):.1f} s of CPU time, at most {max(gathered.seconds):.1f} s."
     )

@@ -97,7 +97,7 @@ def test_samples_in_memory_and_the_estimate_as_a_source() -> None:
 def test_a_table_for_people(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["measure", "--directions", "2"]) == 0
     shown = " ".join(capsys.readouterr().out.split())
-    for words in ("Where to measure next", "for nine of ten surrogates", "three rings", "go on", "theta_i", "moves"):
+    for words in ("Where to measure next", "for nine of ten materials", "three rings", "go on", "theta_i", "moves"):
         assert words in shown
 
 
