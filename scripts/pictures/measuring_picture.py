@@ -93,7 +93,7 @@ def main(arguments: list[str] | None = None) -> int:
     _places(axes["places"], [every[start : start + EACH] for start in range(0, len(every), EACH)])
     error, counts = axes["error"], [count for count, _, _ in steps]
     error.plot(counts, found, "o-", color="#12385f", label="PSNR against the measurement")
-    error.plot(counts, least, "s--", color="#9a9a9a", label="foretold for nine of ten surrogates")
+    error.plot(counts, least, "s--", color="#9a9a9a", label="foretold for nine of ten materials")
     error.set_xticks(counts)
     error.set_xlabel("directions measured", fontsize=9)
     error.set_ylabel("PSNR (dB)", fontsize=9)
