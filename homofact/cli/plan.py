@@ -9,7 +9,7 @@ from rich.text import Text
 
 from homofact.cli import options as o
 from homofact.cli.plan_relight import choice_table as transport_table
-from homofact.cli.plan_tables import choice_table, evidence_table, in_words, step_table
+from homofact.cli.plan_tables import choice_table, evidence_table, fetches_in_words, in_words, step_table
 from homofact.cli.screen import Screen
 from homofact.cli.verdicts import brief_lines, names_of, noted, strictness
 from homofact.planning.settings import PlanSettings
@@ -143,7 +143,8 @@ def _lines(found: "ScenePlan", other: "ScenePlan | None") -> list[str]:
     for each in found.distinct:
         if each.highlight_pixels is not None:
             lines.append(
-                f"{each.name} at {each.material.pixels} pixels: its highlight covers {each.highlight_pixels:.2g}."
+                f"{each.name} at {each.material.pixels} pixels: its highlight covers"
+                f" {each.highlight_pixels:.2g} pixels."
             )
     for each in found.distinct:
         if each.opinion is not None:
@@ -165,8 +166,8 @@ def _lines(found: "ScenePlan", other: "ScenePlan | None") -> list[str]:
     else:
         lines.append(
             f"One size for all: {in_words(one.candidate)} for every material takes {one.bytes} bytes and"
-            f" {one.fetches:.3g} fetches per pixel. The plan takes {found.bytes} bytes"
-            f" ({_less(found.bytes, one.bytes)}) and {found.fetches:.3g}."
+            f" {fetches_in_words(one.fetches)} per pixel. The plan takes {found.bytes} bytes"
+            f" ({_less(found.bytes, one.bytes)}) and {fetches_in_words(found.fetches)}."
         )
     lines.append(
         f"Fits: {found.planning_fits} to choose, {found.fits} with one size for all; an exhaustive search needs"

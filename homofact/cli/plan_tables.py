@@ -42,9 +42,14 @@ def headline(found: "ScenePlan") -> str:
     lightings = " and ".join(each.name for each in found.scene.lightings)
     return (
         f"{counted(len(found.distinct), 'material')}: {counted(found.bytes, 'byte')} in"
-        f" {counted(textures, 'texture')}, {found.fetches:.2g} fetches per pixel, for"
+        f" {counted(textures, 'texture')}, {fetches_in_words(found.fetches)} per pixel, for"
         f" {found.scene.tolerance.describe()} under {lightings}"
     )
+
+
+def fetches_in_words(fetches: float) -> str:
+    """Return the mean number of fetches with its noun: "1 fetch", "1.7 fetches"."""
+    return f"{fetches:.2g} {'fetch' if fetches == 1 else 'fetches'}"
 
 
 def step_table(found: "ScenePlan") -> Table | None:
