@@ -13,6 +13,7 @@ from homofact.cli.screen import Screen
 from homofact.cli.tables import appearance_tables, stored_table
 from homofact.containers.format_names import FORMAT_NAMES
 from homofact.errors import BadInput
+from homofact.evaluation.wording import counted
 
 HTML = "html"
 
@@ -106,7 +107,7 @@ def export(
         screen.show(
             stored_table(found.errors, found.part),
             Text(
-                f"One evaluation: {cost.fetches} fetches, {cost.total} operations on vectors and scalars"
+                f"One evaluation: {counted(cost.fetches, 'fetch')}, {cost.total} operations on vectors and scalars"
                 f" ({cost.scalar} on scalars), {cost.nbytes} bytes of texels."
             ),
             Text(_noise_line(found.noise)),
