@@ -30,7 +30,7 @@ def info(
     as_json: o.AsJson = False,
     quiet: o.Quiet = False,
 ) -> None:
-    """Describe a measurement's file, a named material, a result or a scene.
+    """Describe a measurement's file, a named material, or the folder of a fit or a scene.
 
     Without SOURCE it lists the named materials: material:NAME is a SOURCE.
     For a result's folder (homofact factorize) it prints the fit and its
