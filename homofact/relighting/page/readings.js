@@ -61,7 +61,7 @@ function showError(view, statistics) {
   by("go-reference").hidden = !reference || view.atReference;
   if (!reference) {
     by("error").textContent = "";
-    by("error-words").textContent = "This page holds no reference.";
+    by("error-words").textContent = "This page has no reference. To add one, use homofact relight --reference.";
     return;
   }
   by("error").textContent = statistics.error === null ? "–" : percent(statistics.error);
