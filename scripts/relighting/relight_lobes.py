@@ -1,6 +1,7 @@
 """Measure pictures with separate sharp lobes against the sum over every texel, by mesh, material and sky.
 
     python scripts/relighting/relight_lobes.py [--data FOLDER] [--meshes spot,bunny] [--materials NAMES] [--lobe auto]
+        [--terms K] [--work FILE.jsonl]
 
 A mesh of the size 2 stands alone under a sky and is seen by a camera of 640 × 480. An error is the relative RMS of
 --pixels pixels that see it, drawn by their area, rim included, against the sum over all 6 × 64² texels with the
@@ -8,6 +9,7 @@ reflectance itself (`picture` of `homofact relight`). The transport keeps --kept
 those of natural light. Skies: grace, stpeters and studio of the data, a sun of one texel 45° high, and stpeters turned
 by 90°, for which nothing is computed anew; and an even sky with the same sun beside it as [[sun]]. A file stands for
 its fit. Skies per second are changes of the light from nothing, views per second are all vertices towards a new eye.
+--work keeps each row as a JSON line, by mesh, material and settings, so that an ended run goes on.
 """
 
 import argparse
@@ -17,6 +19,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -47,7 +50,7 @@ from homofact.scene.materials import open_material
 from homofact.scene.meshes import MeshGroup
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
-from scripts.shared.harness import data_folder, finish, listed, markdown, parser_of, progress
+from scripts.shared.harness import Finished, data_folder, finish, listed, markdown, parser_of, progress
 
 MESHES = {"bunny": "bunny.ply", "spot": "spot.obj", "teapot": "teapot_wdas.obj"}
 MODELS: dict[str, Reflectance] = {
@@ -66,6 +69,7 @@ PANORAMAS = {
     "studio": "studio_small_03_1k.hdr",
 }
 EYE = (0.9, 0.8, 3.4)
+KEPT = 256
 BESIDE = "sun beside"
 SUN = Sun(np.array([1.0, 1.0, 0.0]) / np.sqrt(2), np.full(3, 1.7), np.radians(RADIUS))
 HEADER = ("mesh", "material", "K", "MB", "precompute, s", "skies/s", "views/s")
@@ -109,27 +113,49 @@ def timed(work: Callable[[], object], least: float = 1.0) -> float:
     return count / (time.perf_counter() - begun)
 
 
-def row_of(mesh_name: str, name: str, given: Reflectance, scene: Scene, chosen: argparse.Namespace) -> list[float]:
+def key_of(mesh: str, name: str, lobe: str, terms: int | None, kept: int, pixels: int) -> str:
+    """What the file of finished rows calls one."""
+    way = lobe if terms is None else f"{lobe}, {terms} terms"
+    return f"{mesh} | {name} | {way} | {kept} kept | {pixels} pixels"
+
+
+def opened(name: str, folder: Path, fits: FileFits) -> Reflectance:
+    """A material by its name here: a model, or the fit of a file, made once."""
+    if name not in FILES:
+        return MODELS[name]
+    progress(f"fitting {name}")
+    return open_material(str(folder / FILES[name]), fits).reflectance
+
+
+def row_of(mesh_name: str, name: str, given: Reflectance, scene: Scene, chosen: argparse.Namespace) -> dict[str, Any]:
     """K, MB, seconds of precomputing, skies and views a second, and the picture's error under each sky."""
     mesh, occluder = scene.mesh, scene.occluder
-    made = factored(given, chosen.lobe)
-    begun = time.perf_counter()
+    made = factored(given, chosen.lobe, chosen.terms)
+    begun, processor = time.perf_counter(), time.process_time()
     moved = transport(mesh, made.factors, TransportSettings(scene.size, kept=chosen.kept), occluder)
     lobe = SeparateLobe.traced(made.lobe, mesh, occluder, scene.size, None)
-    spent = time.perf_counter() - begun
+    spent, processor = time.perf_counter() - begun, time.process_time() - processor
     stored = moved.nbytes + made.factors.view.nbytes + (0 if lobe is None else lobe.nbytes)
     pixels = seen_pixels([mesh], 0, given, occluder, Camera(EYE, field=36.0, pixels=(640, 480)), chosen.pixels)
     those = seen_vertices(mesh, given, occluder, EYE, 4)
-    errors = []
+    errors = {}
     sunlight = Sunlight.traced((SUN,), sun_tables(given, made.lobe), mesh, occluder)
     for light_name, light in scene.lights.items():
         progress(f"{mesh_name}, {name}, {light_name}")
         relit = RelitObject(mesh, "", moved, None, lobe=lobe, sunlight=sunlight if light_name == BESIDE else None)
-        errors.append(measured_errors(those, relit, light, ("picture",), pixels).errors["picture"])
+        errors[light_name] = measured_errors(those, relit, light, ("picture",), pixels).errors["picture"]
     relit = RelitMesh(mesh, moved, (), lobe)
     radiance = environment_cube(next(iter(scene.lights.values())), scene.size)
-    speeds = timed(lambda: relit.relight(radiance)), timed(lambda: relit.shade(EYE))
-    return [made.factors.terms, stored / 1e6, spent, *speeds, *errors]
+    return {
+        "terms": made.factors.terms,
+        "separate": made.lobe is not None,
+        "MB": stored / 1e6,
+        "seconds": spent,
+        "CPU seconds": processor,
+        "skies": timed(lambda: relit.relight(radiance)),
+        "views": timed(lambda: relit.shade(EYE)),
+        "errors": errors,
+    }
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -138,8 +164,10 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--meshes", help="of bunny, spot, teapot, by commas; all unless given")
     parser.add_argument("--materials", help="by commas; all unless given")
     parser.add_argument("--lobe", choices=LOBES, default="auto", help="as in a scene's file")
+    parser.add_argument("--terms", type=int, help="of the factors; the rule of the scene's file unless given")
     parser.add_argument("--pixels", type=int, default=100, help="at which errors are measured")
-    parser.add_argument("--kept", type=int, default=256, help="coefficients of a transport vector")
+    parser.add_argument("--kept", type=int, default=KEPT, help="coefficients of a transport vector")
+    parser.add_argument("--work", type=Path, help="keep finished rows in this file, and leave them out the next time")
     chosen = parser.parse_args(arguments)
     folder = data_folder(chosen.data)
     if not chosen.short and not (folder / "meshes").is_dir():
@@ -147,23 +175,25 @@ def main(arguments: list[str] | None = None) -> int:
         return 2
     meshes = ["knot"] if chosen.short else listed(chosen.meshes, list(MESHES), "--meshes")
     names = listed("exponent 2000" if chosen.short else chosen.materials, [*MODELS, *FILES], "--materials")
-    materials: dict[str, Reflectance] = {}
-    for name in names:
-        if name in FILES:
-            progress(f"fitting {name}")
-            materials[name] = open_material(str(folder / FILES[name]), FileFits()).reflectance
-        else:
-            materials[name] = MODELS[name]
+    finished, fits = Finished(chosen.work), FileFits()
     lights = {"studio": named_environment("studio")} if chosen.short else skies(folder)
     rows, errors = [], []
     for mesh_name in meshes:
-        mesh = placed(torus_knot(48, 12) if chosen.short else read_mesh(folder / "meshes" / MESHES[mesh_name]))
-        scene = Scene(mesh, MeshGroup([mesh]).occluder, lights, 16 if chosen.short else 64)
-        for name, given in materials.items():
-            terms, stored, spent, light, view, *found = row_of(mesh_name, name, given, scene, chosen)
+        keys = {name: key_of(mesh_name, name, chosen.lobe, chosen.terms, chosen.kept, chosen.pixels) for name in names}
+        missing = [name for name, key in keys.items() if key not in finished]
+        if missing:
+            mesh = placed(torus_knot(48, 12) if chosen.short else read_mesh(folder / "meshes" / MESHES[mesh_name]))
+            scene = Scene(mesh, MeshGroup([mesh]).occluder, lights, 16 if chosen.short else 64)
+            for name in missing:
+                given = opened(name, folder, fits)
+                finished.keep(keys[name], row_of(mesh_name, name, given, scene, chosen))
+        for name, key in keys.items():
+            row = finished[key]
+            found = list(row["errors"].values())
             errors += found
-            figures = (f"{terms:.0f}", f"{stored:.0f}", f"{spent:.0f}", f"{light:.1f}", f"{view:.1f}")
-            rows.append([mesh_name, name, *figures, *(f"{each:.1%}" for each in found)])
+            figures = (f"{row['terms']:.0f}", f"{row['MB']:.0f}", f"{row['seconds']:.0f}")
+            speeds = (f"{row['skies']:.1f}", f"{row['views']:.1f}")
+            rows.append([mesh_name, name, *figures, *speeds, *(f"{each:.1%}" for each in found)])
     table = markdown((*HEADER, *lights), rows, 2)
     last = f"Median {statistics.median(errors):.1%}, worst {max(errors):.1%}. {machine()}."
     return finish(f"{table}\n\n{last}", chosen)

@@ -1,6 +1,7 @@
 """The scripts of relighting: what they truncate and light with is what they say."""
 
 import importlib
+import json
 from pathlib import Path
 from types import ModuleType
 
@@ -70,6 +71,24 @@ def test_separate_lobes_are_measured(capsys: pytest.CaptureFixture[str]) -> None
     assert 0 < float(columns["studio"].rstrip("%")) < 30
     assert float(columns["views/s"]) > 0
     assert lobes.main(["--data", "nowhere"]) == 2
+
+
+def test_finished_rows_of_lobes_are_kept(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    """--work keeps a row as a JSON line, and the next run measures only what is missing."""
+    lobes = importlib.import_module("scripts.relighting.relight_lobes")
+    work = tmp_path / "rows.jsonl"
+    assert lobes.main(["--short", "--work", str(work)]) == 0
+    first = capsys.readouterr().out
+    key, row = json.loads(work.read_text(encoding="utf-8"))
+    assert key == "knot | exponent 2000 | auto | 256 kept | 100 pixels"
+    assert (row["terms"], row["separate"], list(row["errors"])) == (1, True, ["studio"])
+    assert f"{row['errors']['studio']:.1%}" in first
+    assert lobes.main(["--short", "--work", str(work)]) == 0
+    assert capsys.readouterr().out == first  # times included: nothing was measured
+    few = ["--short", "--lobe", "factored", "--terms", "3", "--work", str(work)]
+    assert lobes.main(few) == 0
+    row = json.loads(work.read_text(encoding="utf-8").splitlines()[1])[1]
+    assert (row["terms"], row["separate"]) == (3, False)
 
 
 def test_textures_add_little_to_the_error(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
