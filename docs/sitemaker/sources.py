@@ -14,7 +14,7 @@ from pathlib import PurePosixPath
 from sitemaker.navigation import ROOT
 
 NAMED = re.compile(r"(?<![\w/.-])(?:scripts|configs|homofact|tests|data_synthetic)/[\w./-]+\.(?:py|toml|html|json)\b")
-_LANGUAGE = {".py": "python", ".toml": "toml", ".html": "html", ".json": "json"}
+_LANGUAGE = {".py": "python", ".toml": "toml", ".html": "html", ".json": "json", ".tex": "latex"}
 
 
 def named_files(text: str) -> set[str]:

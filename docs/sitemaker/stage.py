@@ -43,7 +43,7 @@ def stage(folder: Path) -> None:
     shown = [module.path for module in reference_modules()]
     # Of the changes, files that have long been renamed are none to show.
     naming = {name: text for name, text in (pages | commands).items() if name != "changes"}
-    sources = source_pages(naming, [*shown, *_linked(pages, homes)])
+    sources = source_pages(naming, [*shown, *linked_files(pages, homes)])
     shown_fits = fits()
     gallery = gallery_pages(shown_fits)
     # Modules of the reference are reached from its index: in every page's sidebar they would double the site's build.
@@ -98,12 +98,13 @@ def _with_notebook(name: str, text: str) -> str:
     return f"{title}\n\n{{download}}`Download this page as a notebook </{name}.ipynb>`\n{rest}"
 
 
-def _linked(pages: dict[str, str], homes: dict[str, str]) -> Iterable[str]:
-    """Files of the repository outside docs/ that a page links to."""
+def linked_files(pages: dict[str, str], homes: dict[str, str]) -> Iterable[str]:
+    """Files of the repository that a page links to: those outside docs/, and the LaTeX source of a paper in it."""
     for name, text in pages.items():
         for target in _LINK.findall(text):
             path = posixpath.normpath(posixpath.join(posixpath.dirname(homes[name]), target.partition("#")[0]))
-            if not path.startswith("docs/") and path not in _ELSEWHERE and (ROOT / path).is_file():
+            outside = not path.startswith("docs/") or path.endswith(".tex")
+            if outside and path not in _ELSEWHERE and (ROOT / path).is_file():
                 yield path
 
 

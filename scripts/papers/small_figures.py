@@ -41,7 +41,7 @@ def tilted(results: Results) -> Figure:
     for row in range(2):
         panels[row][0].set_ylabel(r"f [sr$^{-1}$]")
     drawn.supxlabel("viewer's angle from the mirror direction [°]", fontsize=7.5)
-    drawn.legend(*panels[0][0].get_legend_handles_labels(), loc="outside lower center", ncols=2, frameon=False)
+    drawn.legend(*panels[0][0].get_legend_handles_labels(), loc="outside upper center", ncols=2, frameon=False)
     return drawn
 
 
@@ -88,8 +88,8 @@ def against_bytes(results: Results) -> Figure:
         panels, ("MALE", "PSNR, St Peter's"), ("MALE", "PSNR under St Peter's [dB]"), strict=True
     ):
         for label, shape in singles.items():
-            inside = "none" if label in PUBLISHED else "full"
-            axes.plot(*point(label, RAW, name), shape, color=GREY, markersize=5, fillstyle=inside, label=label)
+            inside, width = ("none", 8) if label in PUBLISHED else ("full", 4.5)
+            axes.plot(*point(label, RAW, name), shape, color=GREY, markersize=width, fillstyle=inside, label=label)
         axes.plot(*zip(*(point(f"McCool {size}", RAW, name) for size in ("3 KiB", "12 KiB")), strict=True),
                   "<-", color=GREEN, markersize=4, label="McCool")  # fmt: skip
         for way, colour, style in ((RAW, ORANGE, "o--"), (STRAIGHT, BLUE, "o-")):
@@ -144,7 +144,7 @@ def relit(results: Results) -> Figure:
         axes.grid(axis="x", linewidth=0.3)
         axes.margins(y=0.15)
         axes.tick_params(axis="y", labelsize=6)
-    _plain(panels[-1], (1, 2, 5, 10, 20, 50), axis="x")
+    _plain(panels[-1], (1, 3, 10, 30, 100, 1000), axis="x")
     panels[-1].set_xlabel(r"relative RMS of the picture [%]")
     drawn.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=2, frameon=False)
     return drawn

@@ -218,7 +218,7 @@ def _relighting(macros: Macros, results: Results) -> None:
         macros.add(f"relit{name}Seconds", figure(statistics.median(row["CPU seconds"] for row in rows)))
     for key, name in (("views", "View"), ("skies", "Sky")):
         slower = [results.relit(each, FACTORED_TERMS)[key] / results.relit(each)[key] for each in GLOSSY]
-        macros.add(f"relit{name}Ratio", f"{statistics.median(slower):.2g}")
+        macros.add(f"relit{name}Ratio", f"{float(f'{statistics.median(slower):.2g}'):g}")
     macros.add("relitRestTerms", max(results.relit(each)["terms"] for each in GLOSSY))
     matt = results.relit(RELIT[0])["errors"]
     macros.add("mattWorst", percent(max(matt.values())))

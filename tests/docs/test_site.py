@@ -16,7 +16,7 @@ from sitemaker.navigation import DOCS, ROOT, SECTIONS, toctrees, written_pages
 from sitemaker.reference import markdown, reference_modules, reference_pages
 from sitemaker.scripts_page import scripts_page
 from sitemaker.sources import named_files, page_of, script_paths, source_pages, summary, title_of
-from sitemaker.stage import turned
+from sitemaker.stage import linked_files, turned
 from sitemaker.uses import modules_of
 
 MADE_WITH_THE_SITE = {"commands/index", "api/index", "references", "changes"}
@@ -96,6 +96,9 @@ def test_a_file_that_a_page_names_has_a_page_that_names_it_back() -> None:
         "source/scripts/accuracy/seeds.py"
     ]
     assert "Named on" not in found["source/configs/chart.toml"]
+    paper = "docs/papers/small_textures/paper.tex"
+    assert list(linked_files({"papers": PAGES["papers"]}, {"papers": "docs/papers.md"})) == [paper]
+    assert "```latex" in source_pages({}, [paper])[page_of(paper)]
     assert {page_of(path) for path in script_paths()} <= found.keys()
 
 
