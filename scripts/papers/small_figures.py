@@ -9,6 +9,7 @@ from typing import Any
 import matplotlib
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from homofact.files.atomic import replace_file
 
@@ -20,10 +21,10 @@ from scripts.speed.error_against_time import WAYS
 
 COLUMN = 3.33  # inches
 BLUE, ORANGE, GREEN, GREY = "#0072b2", "#d55e00", "#009e73", "#777777"
-STYLE: dict[str, Any] = {
+STYLE: Any = {
     "font.size": 7.5, "axes.titlesize": 7.5, "legend.fontsize": 6.8, "xtick.labelsize": 7, "ytick.labelsize": 7,
     "axes.linewidth": 0.6, "lines.linewidth": 1.0, "axes.spines.top": False, "axes.spines.right": False,
-    "pdf.fonttype": 42,
+    "pdf.fonttype": 42, "font.family": "DejaVu Sans",
 }  # fmt: skip
 
 
@@ -153,9 +154,9 @@ def relit(results: Results) -> Figure:
 def _plain(axes: Axes, ticks: tuple[float, ...], axis: str = "y") -> None:
     """Ticks with plain numbers on a logarithmic axis."""
     chosen = axes.yaxis if axis == "y" else axes.xaxis
-    chosen.set_major_locator(matplotlib.ticker.FixedLocator(ticks))
-    chosen.set_major_formatter(matplotlib.ticker.FuncFormatter(lambda value, _: f"{value:g}"))
-    chosen.set_minor_locator(matplotlib.ticker.NullLocator())
+    chosen.set_major_locator(FixedLocator(ticks))
+    chosen.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    chosen.set_minor_locator(NullLocator())
 
 
 FIGURES: dict[str, Callable[[Results], Figure]] = {
@@ -170,6 +171,6 @@ FIGURES: dict[str, Callable[[Results], Figure]] = {
 def save(name: str, results: Results, path: Path) -> None:
     """Draw a figure and write it as PDF or PNG by the name of the file; the same results give the same bytes."""
     metadata = {"CreationDate": None} if path.suffix == ".pdf" else {}
-    with matplotlib.rc_context({"font.family": "DejaVu Sans", **STYLE}):
+    with matplotlib.rc_context(STYLE):
         drawn = FIGURES[name](results)
         replace_file(path, lambda made: drawn.savefig(made, dpi=220, metadata=metadata))
