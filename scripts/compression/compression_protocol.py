@@ -39,6 +39,7 @@ from scripts.data.published_fits import plain
 
 SKIES = ("studio_small_03_1k", "stpeters_probe_latlong", "grace_probe_latlong")
 PAIRS, PIXELS = 20_000, 96
+STEEPEST_DEGREES = 80.0  # of the pairs
 SCORES = ("MALE", "Cole", "energy", "MAE", "RMSE", "SSIM", "PSNR")
 MORE_IS_BETTER = ("SSIM", "PSNR")
 _PARTS = ("values", "pictures", "facts")
@@ -59,7 +60,8 @@ class Shown:
 def pairs() -> tuple[Tensor, Tensor]:
     """The pairs of directions, both under 80°."""
     wi, wo = draw_uniform(2 * PAIRS, torch.Generator().manual_seed(20261122))
-    under = (wi[:, 2] > math.cos(math.radians(80))) & (wo[:, 2] > math.cos(math.radians(80)))
+    least = math.cos(math.radians(STEEPEST_DEGREES))
+    under = (wi[:, 2] > least) & (wo[:, 2] > least)
     return wi[under][:PAIRS], wo[under][:PAIRS]
 
 

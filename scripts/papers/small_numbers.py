@@ -17,6 +17,7 @@ from homofact.relighting.factored_material import MOST_REST, MOST_SHARED
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from scripts.accuracy import known_mixes
+from scripts.compression.compression_protocol import PAIRS, STEEPEST_DEGREES
 from scripts.compression.real_fits import (
     BOUND,
     CAR_PAINT,
@@ -38,6 +39,7 @@ from scripts.papers.latex import Macros, figure, fixed, percent, words
 from scripts.papers.small_results import EXPERIMENTS, FACTORED_TERMS, GLOSSY, MESH, PIXELS, RELIT, SLICED, Results
 from scripts.papers.small_tables import NEAR_ALBEDO, NEAR_ENERGY, NEAR_FLOOR, SHAPES
 from scripts.relighting.relight_lobes import KEPT
+from scripts.shared.harness import CORNELL
 from scripts.speed.error_against_time import WAYS
 
 TRAINED, HYBRID, NPF = "NBRDF, trained here", "hybrid, published", "NPF, fitted here"
@@ -125,6 +127,8 @@ def _conditions(macros: Macros, results: Results) -> None:
         macros.add(f"budget{name}", words(label.removeprefix("ours ")))
     for shape, name in SHAPES.items():
         macros.add(f"{name}Shape", words(shape))
+    macros.add("malePairs", f"{PAIRS:,}".replace(",", "{,}"))
+    macros.add("maleLimit", f"{STEEPEST_DEGREES:g}")
     macros.add("tiltPairs", f"{tilt.PAIRS:,}".replace(",", "{,}"))
     macros.add("tiltBlocks", tilt.BLOCKS)
     macros.add("tiltLimit", f"{math.degrees(tilt.LIMIT):.0f}")
@@ -197,6 +201,7 @@ def _search(macros: Macros, results: Results) -> None:
 
 def _time(macros: Macros, results: Results) -> None:
     macros.add("timeMaterials", len(results.time))
+    macros.add("timeAll", len(known_mixes.MEASURED) + len(CORNELL))
     for way, name in _WAYS.items():
         macros.add(f"seconds{name}", figure(_median(results, way, "seconds")))
         macros.add(f"cole{name}", figure(_median(results, way, "error")))
