@@ -121,7 +121,8 @@ def _conditions(macros: Macros, results: Results) -> None:
     macros.add("machineUsed", words("; or ".join(sorted(machines))))
     for name in EXPERIMENTS:
         macros.add(f"date{name.capitalize()}", results.conditions[name]["date"])
-        macros.add(f"command{name.capitalize()}", words(results.conditions[name]["command"]))
+        # Typewriter fonts would join two hyphens.
+        macros.add(f"command{name.capitalize()}", words(results.conditions[name]["command"]).replace("--", "-{}-"))
         macros.add(f"note{name.capitalize()}", words(results.conditions[name]["note"]))
     for label, name in _OURS.items():
         macros.add(f"budget{name}", words(label.removeprefix("ours ")))

@@ -25,7 +25,7 @@ _LATEX_WORDS = """
 begin end item input includegraphics caption centering label ref eqref cite citep citet section subsection paragraph
 maketitle bibliography bibliographystyle footnotesize scriptsize setlength tabcolsep columnwidth emph texttt code
 frac tfrac sum prod log exp max cos bigl bigr Bigl Bigr approx tilde hat partial nabla top ast lambda mu theta pi rho
-varepsilon delta alpha beta omega wi wo ell langle rangle le gg pm mapsto operatorname qquad quad circ
+varepsilon delta alpha beta omega wi wo ell langle rangle le gg pm mapsto operatorname qquad quad circ raggedright
 """
 LATEX = set(re.findall(r"\w+", _LATEX_WORDS))
 
