@@ -129,4 +129,4 @@ def _warnings(found: ExportResult) -> list[str]:
 
 def _noise_line(measured: Sequence[Mapping[str, float]]) -> str:
     angles = ", ".join(f"{at['angle']:.0f}°: {at['variance']:.2g} ({at['cosine']:.2g})" for at in measured)
-    return f"Relative variance of one direction drawn by homofact_sample (by the cosine), viewer at {angles}."
+    return f"Relative variance of one sample of homofact_sample (of one by the cosine), viewer at {angles}."

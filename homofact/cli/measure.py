@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from homofact.config import Config
 
 _GONIOMETER, _PLAN = "The goniometer", "What to choose"
+_WIDE = 2.0  # factor of an interval from which a percentage says nothing
 
 
 def _limits(name: str, text: str) -> tuple[float, float]:
@@ -120,7 +121,7 @@ def _shown(found: "MeasureResult") -> list[Any]:
     count = 0 if found.samples is None else len(found.samples)
     told = found.foretold
     factors = {
-        name: ", ".join(f"{value:.3g} ± {factor - 1:.0%}" for value, factor in zip(*both, strict=True))
+        name: ", ".join(map(_with_interval, *both))
         for name, both in (
             ("albedo", (told.albedo, told.albedo_factor)), ("highlight", (told.highlight, told.highlight_factor)),
         )
@@ -130,15 +131,21 @@ def _shown(found: "MeasureResult") -> list[Any]:
         "samples so far": str(count),
         "sphere PSNR": f"about {told.psnr:.1f} dB, above {told.psnr_least:.1f} dB for nine of ten materials",
         "albedo": f"{factors['albedo']} at {at}",
-        "within 6°": f"{factors['highlight']} of the highlight",
+        "within 6°": f"{factors['highlight']} with a half angle of at most 6°",
         "chosen": f"{len(found.angles)} directions"
         + (f" of {len(found.incidences)} incidences" if found.incidences else ""),
-        "they leave": f"{found.remaining:.0%} of the expected squared error",
+        "squared error": f"expected to fall to {found.remaining:.0%}",
         "moves": f"{found.seconds:.0f} s in this order, {found.seconds_unordered:.0f} s as chosen",
-        "they change": f"the picture by {found.change:.1%}",
-        "three rings": f"change the picture by {found.change_by_rings:.1%}: {'stop' if found.stop else 'go on'}",
+        "pictures": f"expected to change by {found.change:.1%}",
+        "three rings more": f"expected to change them by {found.change_by_rings:.1%}:"
+        f" {'stop' if found.stop else 'go on'}",
     }
     shown: list[Any] = [facts_table("Where to measure next", facts)]
     if not found.files:
         shown += [f"theta_i {one:g}, theta_o {two:g}, phi {three:g}" for one, two, three in found.angles]
     return shown
+
+
+def _with_interval(value: float, factor: float) -> str:
+    """A value with its 90% interval: in percent, or as a factor where that is wide."""
+    return f"{value:.3g} ± {factor - 1:.0%}" if factor <= _WIDE else f"{value:.3g} within a factor of {factor:.2g}"

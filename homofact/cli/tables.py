@@ -13,6 +13,9 @@ if TYPE_CHECKING:
     from homofact.evaluation.means import MeanRow
 
 
+_SHORT_NAME = 10
+
+
 def error_table(records: Mapping[str, Mapping[str, Any]]) -> Table:
     """Six metrics of every labelled record, held out over training; linear ones in sr⁻¹.
 
@@ -23,8 +26,10 @@ def error_table(records: Mapping[str, Mapping[str, Any]]) -> Table:
     several = [len(record["seeds"]) for record in records.values() if "seeds" in record]
     seeds = f"; mean ± standard deviation of {max(several)} seeds" if several else ""
     table = plain_table(f"Error (mse, mae, max linear, in sr⁻¹{seeds})")
-    add_names(table)
-    add_names(table, "set")
+    longest = max(map(len, records), default=0)
+    # Short names stay whole beside figures with deviations; longer ones would leave these no room.
+    add_names(table, longest=longest if longest <= _SHORT_NAME else 0)
+    add_names(table, "set", longest=len("held out"))
     add_figures(table, *(name.replace("_", " ") for name in SIX))
     for label, record in records.items():
         for key, words in (("held_out", "held out"), ("train", "training")):

@@ -55,7 +55,7 @@ def total_line(record: dict[str, Any]) -> str:
 
 def noise_table(record: dict[str, Any]) -> Table:
     """The noise of directions drawn by homofact_sample for each label, by the viewer's angle."""
-    table = plain_table("Relative variance of one direction drawn by homofact_sample (by the cosine), viewer at")
+    table = plain_table("Relative variance of one sample of homofact_sample (of one by the cosine), viewer at")
     add_figures(table, "label", *(f"{each['angle']:.0f}°" for each in record["clusters"][0]["noise"]))
     for label, cluster in enumerate(record["clusters"]):
         table.add_row(str(label), *(f"{each['variance']:.2g} ({each['cosine']:.2g})" for each in cluster["noise"]))

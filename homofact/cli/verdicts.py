@@ -42,7 +42,7 @@ def brief_lines(verdicts: Mapping[str, "Verdict"]) -> list[str]:
     """One line per fit: its label, how far it may be off, and what widens its error bars, by name."""
     width = max(map(len, verdicts))
     return [
-        f"Verdict on {label:{width}}  {verdict.summary}"
+        f"Verdict on {f'{label}:':{width + 1}} {verdict.summary}"
         + findings_named([each.name for each in verdict.findings if each.costs])
         for label, verdict in verdicts.items()
     ]

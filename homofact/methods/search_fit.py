@@ -27,7 +27,7 @@ from homofact.methods.mix import Mix
 from homofact.methods.search import Search
 from homofact.methods.search_task import FittedMaterial, SearchTask
 from homofact.methods.shapes import best_within
-from homofact.methods.structure_search import SearchOutcome, StructureSearch
+from homofact.methods.structure_search import SearchOutcome, StructureSearch, kept_note
 from homofact.methods.trials import Trials
 
 _ATTEMPTS = 3  # solves more where a fit exceeds what is known beyond its measurement
@@ -107,7 +107,13 @@ def _laid_out(task: SearchTask, outcome: SearchOutcome, budget: FitBudget) -> tu
     layouts = FitBudget(task.granted, task.deadline)
     spent = best_within(task.sizes.texels, outcome.levels, task.full, task.smoothing_for, layouts)
     budget.add(layouts)
-    return replace(outcome, mix=spent.mix), spent.shapes
+    before, after = len(outcome.mix.kinds), len(spent.mix.kinds)
+    notes = outcome.notes
+    if after != before:
+        # The bytes are best spent on another number of textures than the search at one size kept.
+        notes = tuple(note for note in notes if note != kept_note(before, task.settings.most_textures))
+        notes += (kept_note(after, task.settings.most_textures),) if after < task.settings.most_textures else ()
+    return replace(outcome, mix=spent.mix, notes=notes), spent.shapes
 
 
 def _fit(

@@ -64,6 +64,11 @@ class SearchOutcome:
     known: bool = False
 
 
+def kept_note(kept: int, textures: int) -> str:
+    """The note of a fit that keeps fewer textures than it may have."""
+    return f"{kept} of {textures} textures kept: more do not lower the validation error"
+
+
 class StructureSearch:
     """One run over coarse samples; make one, call `run` once."""
 
@@ -107,7 +112,7 @@ class StructureSearch:
                 self._run_free(textures, candidates[0])
                 kept = len(self._best.kinds)
                 if kept < textures:
-                    notes.append(f"{kept} of {textures} textures kept: more do not lower the validation error")
+                    notes.append(kept_note(kept, textures))
         except KeyboardInterrupt:
             if not self._best.kinds:
                 raise

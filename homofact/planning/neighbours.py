@@ -12,8 +12,9 @@ from homofact.planning.ladder import Candidate
 from homofact.planning.plan import MaterialPlan, rungs_for
 from homofact.planning.search import expected_errors
 
-# An error that was only expected is named where it falls at least to this part of the choice's.
-CLEARLY = 0.8
+# An error that was only expected is named where it falls at least to this part of the choice's, for at most so many
+# times its bytes.
+CLEARLY, NEAR = 0.9, 16
 
 
 @dataclass(frozen=True)
@@ -64,7 +65,7 @@ def larger(plan: MaterialPlan) -> Neighbour | None:
     pool = [
         rung
         for rung in rungs_for(plan.fits, plan.tolerance)
-        if rung not in asked and rung.most_bytes(channels) > chosen.bytes
+        if rung not in asked and chosen.bytes < rung.most_bytes(channels) <= NEAR * chosen.bytes
     ]
     if pool:
         above += [

@@ -81,7 +81,7 @@ def draw(found: Mapping[str, Mapping[str, Mapping[str, float]]], path: Path) -> 
         axes.spines[["top", "right"]].set_visible(False)
         axes.grid(True, which="major", alpha=0.25)
     drawn.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=9, frameon=False)
-    drawn.suptitle(f"{len(found)} measured materials: small each, large their median")
+    drawn.suptitle(f"{len(found)} measured materials (small marks) and their medians (large marks)")
     path.parent.mkdir(parents=True, exist_ok=True)
     drawn.savefig(path, dpi=130)
     pyplot.close(drawn)

@@ -97,8 +97,9 @@ def test_samples_in_memory_and_the_estimate_as_a_source() -> None:
 def test_a_table_for_people(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["measure", "--directions", "2"]) == 0
     shown = " ".join(capsys.readouterr().out.split())
-    for words in ("Where to measure next", "for nine of ten materials", "three rings", "go on", "theta_i", "moves"):
-        assert words in shown
+    words = ("Where to measure next", "for nine of ten materials", "three rings more", "within a factor of", "go on")
+    for each in (*words, "theta_i", "moves"):
+        assert each in shown
 
 
 def rows(*lines: str, head: str = "theta_i_deg,phi_i_deg,theta_o_deg,phi_o_deg,R,G,B") -> str:
