@@ -19,6 +19,8 @@ from homofact.brdf.reflectance import Reflectance
 from homofact.errors import BadInput
 from homofact.rendering.mitsuba_bsdf import SAMPLINGS, bsdf_class
 
+_RGB = ("R", "G", "B")
+
 
 def reflectance_bsdf(reflectance: Reflectance) -> Any:
     """The material (a `mitsuba.BSDF`, front side only) in the variant of the moment; R, G, B or one grey channel.
@@ -47,6 +49,7 @@ def evaluated_calls() -> Iterator[None]:
 @cache
 def _class_of(base: Any) -> Any:
     mi = import_module("mitsuba")
+    from homofact.rendering.mitsuba_spectra import spectra_of
 
     class ReflectanceBSDF(base):
         """`mitsuba.BSDF` of a `Reflectance`; arguments and results are Mitsuba's."""
@@ -54,6 +57,8 @@ def _class_of(base: Any) -> Any:
         def __init__(self, reflectance: Reflectance) -> None:
             mi.BSDF.__init__(self, mi.Properties("homofact_reflectance"))
             self.values = _Values(reflectance, mi)
+            # Three channels are linear sRGB whatever their names.
+            self.spectra = spectra_of(mi, reflectance.channels if len(reflectance.channels) == 1 else _RGB)
             self.name = type(reflectance).__name__
             self._draw_from(SAMPLINGS[0], reflectance, bool(getattr(reflectance, "isotropic", False)))
 
