@@ -185,7 +185,7 @@ def of_measurements(prior: BrdfPrior, files: list[Path]) -> list[tuple[str, int,
         for count, _, posterior in measured_rounds(prior, material, goniometer, max(COUNTS)):
             was = aim_errors(aims, truth, posterior.values(aims.matrix))
             found.append((file.stem, count, (foretold(prior, posterior, aims), was)))
-        progress(file.stem, f"{was.psnr:.1f} dB")
+        progress(file.stem, f"{found[-1][2][1].psnr:.1f} dB")
     return found
 
 
