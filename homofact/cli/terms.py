@@ -52,7 +52,7 @@ def terms(
         "l*": f"{'' if found.l_star_settled else 'at least '}{found.l_star:.1f}, the order of the half-angle curve",
         "terms predicted": f"{'' if found.l_star_settled else 'at least '}{found.predicted} = (l* + 1)²/4",
         "terms measured": f"{'' if found.settled else 'about '}{found.measured} by SVD",
-        "as 32² maps": f"{stored} bytes, two a term ({stored // 2} where reciprocal), {2 * found.measured} fetches",
+        "as 32² maps": f"{stored} bytes, two per term ({stored // 2} where reciprocal), {2 * found.measured} fetches",
     }
     if result.row is not None and result.costs is not None:
         facts |= _compared(result.row, result.costs)
