@@ -117,7 +117,11 @@ def walk(
         ]
         # A search may come out smaller than asked, so only the sure excess of one texture is ruled out by the budget.
         pool = [rung for rung in pool if rung.most_bytes(channels) <= most_bytes or rung.method == "search"]
-        pool = [rung for rung in pool if rung.most_fetches(isotropic) <= most_fetches or rung.method == "search"]
+        # ... and a search has one fetch at least.
+        fewer = most_fetches >= 1
+        pool = [
+            rung for rung in pool if rung.most_fetches(isotropic) <= most_fetches or (fewer and rung.method == "search")
+        ]
         if not pool:
             break
         chances = _chances(pool, state, tolerance)
