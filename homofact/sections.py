@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
 SOURCE, FIT, OUTPUT = "The source", "The fit", "Output"
 COMPARED = ("mccool", "cole", "search")
+# What a chart varies, by the setting of a method, where nothing else is given.
+CHARTED = {"textures": (1, 2, 3), "size": (8, 16, 32), "search": ("gradient",)}
 
 
 def _expected_channels(value: str) -> str | None:

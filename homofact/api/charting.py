@@ -17,7 +17,7 @@ from homofact.errors import Advice, BadInput, Interrupted
 from homofact.files.extras import check as check_library
 from homofact.files.lock import claimed
 from homofact.methods.table import methods_with, parsed_label
-from homofact.sections import COMPARED, SourceSettings
+from homofact.sections import CHARTED, COMPARED, SourceSettings
 
 if TYPE_CHECKING:
     from homofact.brdf.source import Source
@@ -91,9 +91,9 @@ def chart(
     to: Place,
     methods: "Sequence[str | Method] | Mapping[str, Method]" = COMPARED,
     *,
-    textures: Sequence[int] = (1, 2, 3),
-    sizes: Sequence[int] = (8, 16, 32),
-    searches: Sequence[str] = ("gradient",),
+    textures: Sequence[int] = CHARTED["textures"],
+    sizes: Sequence[int] = CHARTED["size"],
+    searches: Sequence[str] = CHARTED["search"],
     seeds: int = 1,
     held_out: float = HELD_OUT,
     seed: int = 0,

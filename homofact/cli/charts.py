@@ -1,22 +1,19 @@
 """`homofact compare --chart`: error against cost over methods, textures, sizes and searches."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from homofact.cli.tables import chart_grades, chart_table
 from homofact.errors import BadInput
 from homofact.methods.table import methods_with, parsed_label
+from homofact.sections import CHARTED
 
 if TYPE_CHECKING:
     from homofact.cli.screen import Screen
     from homofact.config import Config
     from homofact.methods.method import Method
-    from homofact.sections import SourceSettings
+    from homofact.sections import CompareSettings, SourceSettings
 
-# The counts of textures, sizes and searches of a chart, where none are given.
-_TEXTURES, _SIZES, _SEARCHES = (1, 2, 3), (8, 16, 32), ("gradient",)
-# Settings of a method that a chart varies.
-_VARIED = ("textures", "size", "search")
 # What `compare` gives without a chart.
 _TABLES = ("plot", "csv", "latex", "metrics")
 
@@ -34,15 +31,16 @@ def draw_charts(
             raise BadInput("given beside a chart", where=name, expected="one of the two")
     if not seeds.isdecimal() or int(seeds) < 1:
         raise BadInput(where="seeds", found=repr(seeds), expected="a whole number of at least 1 for a chart")
+    varied = varied_settings(asked)
     methods = charted_methods(settings)
 
     from homofact.api.charting import chart
 
     with screen.progress() as progress:
         found = chart(
-            list(sources), folder, methods, textures=asked.textures or _TEXTURES, sizes=asked.size or _SIZES,
-            searches=asked.search or _SEARCHES, seeds=int(seeds), held_out=settings.evaluate.held_out,
-            seed=settings.seed, force=settings.output.force, progress=progress,
+            list(sources), folder, methods, textures=varied["textures"], sizes=varied["size"],
+            searches=varied["search"], seeds=int(seeds), held_out=settings.evaluate.held_out, seed=settings.seed,
+            force=settings.output.force, progress=progress,
         )  # fmt: skip
     for one in found.charts:
         if one.others:
@@ -57,6 +55,11 @@ def draw_charts(
     screen.answer(found.record())
 
 
+def varied_settings(asked: "CompareSettings") -> dict[str, Any]:
+    """What a chart varies, by the setting of a method: the values that were given, else the usual ones."""
+    return {name: getattr(asked, name) or usual for name, usual in CHARTED.items()}
+
+
 def charted_methods(settings: "Config") -> "dict[str, Method]":
     """The methods by label, as the first of a chart's runs has them.
 
@@ -65,12 +68,10 @@ def charted_methods(settings: "Config") -> "dict[str, Method]":
     """
     wanted = settings.compare
     names = {parsed_label(label)[0] for label in wanted.methods}
-    varied = {
-        "textures": wanted.textures or _TEXTURES, "size": wanted.size or _SIZES, "search": wanted.search or _SEARCHES,
-    }  # fmt: skip
+    varied = varied_settings(wanted)
     first = {
-        name: varied[name][0]
-        for name in _VARIED
+        name: values[0]
+        for name, values in varied.items()
         if getattr(wanted, name) is not None or not names.isdisjoint(methods_with(name))
     }
     return settings.fit.without(*varied).with_settings(first).methods(wanted.methods)
@@ -82,7 +83,7 @@ def compared_methods(settings: "Config") -> "dict[str, Method]":
     Raises BadInput for several counts of textures, sizes or searches, which only a chart takes.
     """
     first = {}
-    for name in _VARIED:
+    for name in CHARTED:
         values = getattr(settings.compare, name)
         if values is not None and len(values) > 1:
             several = ", ".join(map(str, values))

@@ -184,12 +184,8 @@ def mean_worth(several: Sequence[Worth]) -> Worth:
 
 @dataclass
 class Measured:
-    """What is gathered over materials: worth by method, whether intervals covered, and CPU seconds of a round.
+    """What is gathered over materials: worth by method, whether intervals covered, and CPU seconds of a round."""
 
-    `tests` are the names of materials on which no factor of the intervals was set.
-    """
-
-    tests: frozenset[str]
     worth: dict[str, list[Worth]]
     covered: dict[tuple[int, str], list[float]]
     seconds: list[float]
@@ -199,16 +195,10 @@ def directions_table(sources: Sequence[Source], prior: BrdfPrior, gathered: Meas
     """The table of single directions on whole measurements."""
     goniometer = Goniometer()
     fixed = choices(prior, goniometer)
-    aims = measuring_aims(prior.grid)
     ridge = Ridge(prior)
     for source in sources:
         material = source.reflectance
-        truth = values_at(material, aims.wi, aims.wo)
-        posterior = before_samples(prior, 3)
-        for count, _, posterior in measured_rounds(prior, material, goniometer, DIRECTIONS):
-            if source.name in gathered.tests:
-                told, was = foretold(prior, posterior, aims), aim_errors(aims, truth, posterior.values(aims.matrix))
-                _note_cover(gathered, count, told, was)
+        *_, (_, _, posterior) = measured_rounds(prior, material, goniometer, DIRECTIONS)
         gathered.worth.setdefault("measure, rounds of 5", []).append(worth(source, posterior, prior))
         began = time.process_time()
         next_round(prior, posterior, goniometer, directions=5)
@@ -328,13 +318,13 @@ def note_coverage(source: Source, prior: BrdfPrior, gathered: Measured) -> None:
     progress(source.name)
 
 
-def coverage_parts(gathered: Measured) -> list[str]:
+def coverage_parts(gathered: Measured, files: int) -> list[str]:
     """The table of how often the intervals cover."""
     counts = sorted({count for count, _ in gathered.covered})
     names = {"albedo": "albedo", "highlight": "highlight", "psnr": "least PSNR"}
     rows = [[str(n), *(f"{np.mean(gathered.covered[n, key]):.0%}" for key in names)] for n in counts]
     rows.append(["all", *(f"{np.mean([np.mean(gathered.covered[n, key]) for n in counts]):.0%}" for key in names)])
-    head = f"How often the 90% intervals cover, on {len(gathered.tests)} files on which they were not set:"
+    head = f"How often the 90% intervals cover, on {files} files on which they were not set:"
     return [head, markdown(["directions", *names.values()], rows)]
 
 
@@ -351,17 +341,18 @@ def main(arguments: list[str] | None = None) -> int:
     sources = [open_source(str(file), count=1000) for file in files]
     used = measured_files(folder)
     tests = [source for file, source in zip(files, sources, strict=True) if file not in used or options.short]
-    gathered = Measured(frozenset(source.name for source in tests), {}, {}, [])
+    gathered = Measured({}, {}, [])
+    for source in tests:
+        note_coverage(source, prior, gathered)
+    coverage = coverage_parts(gathered, len(tests))
     if options.coverage:
-        for source in tests:
-            note_coverage(source, prior, gathered)
-        return finish(coverage_parts(gathered), options)
+        return finish(coverage, options)
     parts = [
         f"{DIRECTIONS} directions, {len(sources)} RGL materials (medians):", directions_table(sources, prior, gathered),
         f"{INCIDENCES} incidences, the same materials:", incidences_table(sources, prior),
         f"{DIRECTIONS} of the measured directions of the Cornell paints:", paints_table(paints, prior), *missing,
     ]  # fmt: skip
-    parts += coverage_parts(gathered)
+    parts += coverage
     parts.append(
         f"A round takes {np.median(gathered.seconds):.1f} s of CPU time, at most {max(gathered.seconds):.1f} s."
     )

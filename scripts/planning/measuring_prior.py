@@ -172,7 +172,7 @@ def widenings(found: list[tuple[str, int, tuple[Foretold, AimErrors]]]) -> dict[
 
 
 def measured_files(folder: Path) -> list[Path]:
-    """RGL files on which the factors are set too; the others, every second one, are there to test them."""
+    """Every second RGL file, on which the factors are set; the others test them."""
     return sorted((folder / "rgl").glob("*.bsdf"))[::2]
 
 
@@ -193,7 +193,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Make the statistics, set the factors, and store both where that is asked for."""
     parser = parser_of(__doc__, "data", "out")
     parser.add_argument("--write", action="store_true", help="store the table in the package")
-    parser.add_argument("--every", type=int, default=6, help="set the factors on every Nth material (%(default)s)")
+    parser.add_argument("--every", type=int, default=6, help="try every Nth left-out material (%(default)s)")
     parser.add_argument(
         "--widen", action="store_true", help="set the factors again on measurements alone, with the stored statistics"
     )
