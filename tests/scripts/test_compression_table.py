@@ -262,6 +262,8 @@ def test_seeds_and_limits_are_written_and_stand_in_the_table(
     script: Callable[[str], ModuleType], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     seeds, limits, protocol = (script(f"compression.compression_{name}") for name in ("seeds", "limits", "protocol"))
+    # Imported before anything is patched: they take their names from the modules that are patched below.
+    table, tables = (script(f"compression.compression_{name}") for name in ("table", "tables"))
     monkeypatch.setattr(protocol, "PIXELS", 24)
     protocol.surroundings.cache_clear()
     methods = {"ours, as if": GgxMethod(), "GGX × 1": GgxMethod()}
@@ -275,11 +277,10 @@ def test_seeds_and_limits_are_written_and_stand_in_the_table(
     assert seeds.main([*shared, "--seeds", "2"]) == 0
     assert limits.main([*shared, "--materials", "pvc"]) == 0
     protocol.surroundings.cache_clear()
-    table = script("compression.compression_table")
     rows = table.rows_of(tmp_path / seeds.FILE)
     assert [(row["method"], row["seed"]) for row in rows] == [("ours, as if", "0"), ("ours, as if", "1")]
     assert rows[0]["MALE"] != rows[1]["MALE"]
-    line = script("compression.compression_tables").seeds(rows).splitlines()[2].split("|")
+    line = tables.seeds(rows).splitlines()[2].split("|")
     assert float(line[4].split("±")[0]) == pytest.approx(sum(float(row["MALE"]) for row in rows) / 2, rel=0.01)
     assert [row["fit"] for row in table.rows_of(tmp_path / limits.FILE)] == ["few"]
     assert "| pvc | few | 0 | 32 |" in table.limits(table.rows_of(tmp_path / limits.FILE))
