@@ -5,7 +5,7 @@ on its way to the horizon (`lobe_coordinates`), dω = s dv dφ. With 2 for the s
 
     p(ωi | ωo) = c cosθi/π + (1 − c) m(|φ|)/∫m dφ · g(v, |φ|)/∫g dv/(2 s).
 
-c, m and g are linear between `THETAS` values of θo, at even steps of (a + a⁵)/2, a = √(1 − cosθo): close to each other
+c, m and g are linear between `THETAS` values of θo, at even steps of (a + a⁹)/2, a = √(1 − cosθo): close to each other
 where a view grazes. m and g are linear between `PHIS` values of φ, and g is linear in v between 0, where g = 0, and
 `RADII` more values. The integrals of piecewise linear functions are exact, so that p integrates to 1 whatever the table
 holds, and roots of quadratics draw from it. No direction is lost under the horizon.

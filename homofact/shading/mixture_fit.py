@@ -44,7 +44,7 @@ _SCALES = (3e-4, 1e-3, 3e-3, 0.01, 0.03, 0.1, 0.3)
 # Viewers between two values of θo and their azimuths; nodes in φ on each side, and in v.
 _LEVELS, _AZIMUTHS = {True: 3, False: 2}, {True: 1, False: 4}
 _TURNS, _RADII = 18, 64
-_TRIED, _STEPS, _TOLERANCE = 10, 80, 1e-6
+_TRIED, _STEPS, _TOLERANCE = 10, 160, 1e-7
 _SHARE = -2.0  # logit of the cosine's share at the start
 # Logarithms of numbers of which half floats have all digits.
 _LOWEST, _HIGHEST = math.log(2**-14), math.log(2**14)
@@ -93,7 +93,7 @@ def _heights(isotropic: bool) -> Tensor:
     """cosθo of the viewers: next to the normal, and evenly between the table's values of θo."""
     a = np.linspace(0, 1, 4001)
     count = (THETAS - 1) * _LEVELS[isotropic]
-    middles = np.interp((np.arange(count) + 0.5) / count, (a + a**5) / 2, a)
+    middles = np.interp((np.arange(count) + 0.5) / count, (a + a**9) / 2, a)
     return 1 - torch.from_numpy(np.concatenate(([5e-3], middles))) ** 2
 
 

@@ -68,8 +68,9 @@ DRAWN = [(name, "lobe") for name in ("paint", "phong", "ward", "sharp")] + [("pa
 @pytest.mark.parametrize(("name", "sampling"), DRAWN)
 def test_directions_are_drawn_from_the_density(mi: Any, fits: dict[str, Path], name: str, sampling: str) -> None:
     bsdf = mitsuba_bsdf.load_bsdf(fits[name], sampling)
-    steps = 64 if name == "sharp" else 16
     for degrees in VIEWS:
+        # Along the normal a sharp lobe has its peak where the test's cells meet.
+        steps = 16 if name != "sharp" else 48 if degrees else 128
         test = chi_square(mi, bsdf, at(degrees), steps)
         assert test.run(0.01, test_count=len(VIEWS) * len(DRAWN), quiet=True), f"{degrees}°: {test.messages}"
         total = float(np.ravel(test.pdf_sum)[0])

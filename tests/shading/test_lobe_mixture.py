@@ -56,14 +56,15 @@ def integral(mixture: LobeMixture, wo: Tensor) -> float:
 
 
 def test_seen_along_the_normal_an_even_table_is_known() -> None:
-    """There R = 1 and r² = 1 − z, and dω = 2 r (σ + r) L dv dφ with L = log(1 + 1/σ)."""
+    """There R = 1 and r² = 1 − z, dω = 2 r dr dφ, and v = log((1 + r/σ)/(1 − r/1.2))/L."""
     sigma, cosine = 0.25, 0.125
     z = torch.linspace(0.01, 0.999, 40, dtype=torch.float64)
     wi = from_spherical(torch.acos(z), torch.linspace(-3, 3, 40, dtype=torch.float64))
-    whole, r = math.log(1 + 1 / sigma), torch.sqrt(1 - z)
-    v = torch.log(1 + r / sigma) / whole
+    whole, r = math.log((1 + 1 / sigma) * 6), torch.sqrt(1 - z)
+    v = torch.log((1 + r / sigma) / (1 - r / 1.2)) / whole
+    slope = (1 / (sigma + r) + 1 / (1.2 - r)) / whole
     g = (v * RADII).clamp_max(1) * (RADII / (RADII - 0.5))
-    expected = cosine * z / math.pi + (1 - cosine) * g / (2 * math.pi) / (2 * r * (sigma + r) * whole)
+    expected = cosine * z / math.pi + (1 - cosine) * g * slope / (2 * math.pi) / (2 * r)
     wo = viewer_at(0.0).expand_as(wi)
     assert torch.allclose(even(sigma, cosine).density(wi, wo), expected, rtol=1e-6)
 
@@ -91,7 +92,7 @@ def test_shares_are_linear_between_their_viewers() -> None:
     wo = from_spherical(torch.acos(z), torch.zeros_like(z))
     wi = from_spherical(torch.full_like(z, 0.4), torch.full_like(z, 2.0))
     a = torch.sqrt(1 - z).numpy()
-    share = torch.from_numpy(np.interp((a + a**5) / 2 * (THETAS - 1), np.arange(THETAS), shares.numpy()))
+    share = torch.from_numpy(np.interp((a + a**9) / 2 * (THETAS - 1), np.arange(THETAS), shares.numpy()))
     expected = share * wi[:, 2] / math.pi + (1 - share) * none.density(wi, wo)
     assert torch.allclose(varied.density(wi, wo), expected, rtol=1e-9)
 
