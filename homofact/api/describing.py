@@ -1,4 +1,4 @@
-"""Describing: what is in a file, a result's or a scene's folder, or what a source is."""
+"""Describing: what is in a file, a result's or a scene's folder, what a source is, or which command reads a TOML."""
 
 import os
 from dataclasses import dataclass
@@ -10,6 +10,7 @@ from homofact.api.places import check_file
 from homofact.api.progress import Progress, ProgressSteps
 from homofact.api.scene_facts import scene_facts
 from homofact.api.subjects import Place, given_source, open_given
+from homofact.api.toml_facts import toml_facts
 from homofact.errors import BadInput
 from homofact.sections import SourceSettings
 
@@ -33,7 +34,8 @@ class InfoResult:
     name : str
         Its name.
     kind : str
-        "material", "measurement" or "drawn"; "fit"; "relit scene" or "prepared scene".
+        "material", "measurement" or "drawn"; "fit"; "relit scene" or "prepared scene"; of a TOML file "a sweep", "a
+        configuration", or "a scene for planning", "relighting" or "editing".
     facts : dict
         The JSON form.
     rows : dict
@@ -66,7 +68,8 @@ def info(source: Any, *, plot: Place | None = None, seed: int = 0, progress: Pro
     ----------
     source : source or path
         As for `fit`; a saved fit or the folder of its result or export, shown with error bars by angle; or the folder
-        of a scene that `relight` or `edit` wrote.
+        of a scene that `relight` or `edit` wrote; or a configuration, sweep or scene in TOML, of which it names the
+        command that reads it.
     plot : path, optional
         A .png to draw: a slice, lobes and a lit sphere.
     seed : int, optional
@@ -92,11 +95,11 @@ def info(source: Any, *, plot: Place | None = None, seed: int = 0, progress: Pro
     """
     place = source.path if isinstance(source, SourceSettings) else source
     made = isinstance(place, str | os.PathLike)
-    found = (scene_facts(Path(place)) or fit_facts(Path(place))) if made else None
+    found = (scene_facts(Path(place)) or toml_facts(Path(place)) or fit_facts(Path(place))) if made else None
     if found is not None:
         title, rows, facts = found
         if plot is not None:
-            raise BadInput(f"{place} is a {rows['kind']}, which has its pictures", where="plot", expected="none")
+            raise BadInput(f"{place} is no source ({rows['kind']})", where="plot", expected="none")
         return InfoResult(title, str(rows["kind"]), facts, rows)
     given = given_source(source)
     picture = None if plot is None else Path(plot)

@@ -5,13 +5,24 @@ from typing import TYPE_CHECKING
 from rich.text import Text
 
 from homofact.cli import options as o
+from homofact.cli.layout import hanging
 from homofact.cli.screen import Screen, say_ending, say_subset
 from homofact.cli.subject import source_of
 from homofact.cli.tables import appearance_tables, cost_table, error_table
-from homofact.cli.verdicts import names_of, strictness, verdict_lines
+from homofact.cli.verdicts import (
+    BULLET,
+    advice_lines,
+    figures_line,
+    finding_lines,
+    names_of,
+    strictness,
+    verdict_line,
+)
 from homofact.errors import BadInput
+from homofact.evaluation.wording import counted, shapes
 
 if TYPE_CHECKING:
+    from homofact.api.factorizing import FactorizeResult
     from homofact.config import Config
 
 
@@ -49,15 +60,44 @@ def factorize(
     if not quiet:
         from homofact.brdf.quality.mending import mending_lines
 
-        records = found.records()
+        records, verdict = found.records(), found.row.verdict
         screen.show(*map(Text, mending_lines(found.source.samples.provenance)))
+        # What was made and how good it is come first, the evidence after, and last what to do with it.
         screen.show(
-            error_table(records),
-            *appearance_tables(records),
-            cost_table(records),
-            *(Text(line) for line in verdict_lines(found.row.verdict)),
+            Text(_headline(found)),
+            hanging(verdict_line(verdict), len("  ")),
             f"{found.folder}: factorization.npz, manifest.json, report.json"
             + ", every texture as .exr and .png" * (not found.left_out),
             *([f"The picture: {found.picture}"] if found.picture else []),
+            "",
+            error_table(records),
+            *appearance_tables(records),
+            cost_table(records),
+        )
+        screen.show(
+            *(hanging(line, len(BULLET)) if line.startswith(BULLET) else Text(line) for line in finding_lines(verdict)),
+            hanging(figures_line(verdict), len("  ")),
+            "",
+            *(advice_lines(verdict) or _next_lines(found)),
         )
     screen.answer(found.record())
+
+
+def _headline(found: "FactorizeResult") -> str:
+    """What was fitted, by which method, and what the fit takes."""
+    record = next(iter(found.records().values()))
+    count, sizes = record["textures"], shapes(record["shapes"])
+    of = f"of {sizes.removeprefix(f'{count} × ')}" if sizes.startswith(f"{count} × ") else f"({sizes})"
+    made = f"{counted(count, 'texture')} {of}" if count else "a model without textures"
+    return (
+        f"{found.source.name}, fitted by {next(iter(found.rows))}: {made},"
+        f" {counted(record['bytes'], 'byte')} as float32, {counted(record['fetches'], 'fetch')} per evaluation"
+    )
+
+
+def _next_lines(found: "FactorizeResult") -> list[str]:
+    """What to do with a fit that the verdict does not warn of."""
+    return [
+        f"View it in a browser: homofact view {found.folder}",
+        f"Export it to an engine: homofact export {found.folder} --to FOLDER",
+    ]

@@ -35,7 +35,8 @@ def info(
     Without SOURCE it lists the named materials: material:NAME is a SOURCE.
     For a result's folder (homofact factorize) it prints the fit and its
     error bars at each angle. For the folder of a scene (homofact relight,
-    homofact edit) it prints the contents and their errors.
+    homofact edit) it prints the contents and their errors. For a TOML file
+    (a configuration, a sweep, a scene) it names the command that reads it.
     """
     screen = Screen(as_json, quiet)
     if settings.source.path is None:

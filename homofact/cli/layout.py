@@ -2,6 +2,7 @@
 
 from rich import box
 from rich.table import Table
+from rich.text import Text
 
 # Names of up to so many characters stay whole.
 LEAST_NAME = 24
@@ -24,3 +25,12 @@ def add_figures(table: Table, *headers: str) -> None:
     """Columns of figures, flush right and never broken."""
     for header in headers:
         table.add_column(header, justify="right", no_wrap=True)
+
+
+def hanging(line: str, indent: int) -> Table:
+    """A line that wraps under its text: what comes after the first `indent` characters."""
+    grid = Table.grid()
+    grid.add_column(no_wrap=True, width=indent)
+    grid.add_column(overflow="fold")
+    grid.add_row(Text(line[:indent].ljust(indent)), Text(line[indent:]))
+    return grid

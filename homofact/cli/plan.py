@@ -13,7 +13,7 @@ from homofact.cli.plan_tables import choice_table, evidence_table, fetches_in_wo
 from homofact.cli.screen import Screen
 from homofact.cli.verdicts import brief_lines, names_of, noted, strictness
 from homofact.planning.settings import PlanSettings
-from homofact.planning.tolerance import MARGINS
+from homofact.planning.tolerance import MARGINS, WORDS
 from homofact.settings.options import options_of
 
 if TYPE_CHECKING:
@@ -126,7 +126,8 @@ def finding_lines(verdicts: "Mapping[str, Verdict | None]") -> list[str]:
 
 def _reading_lines(found: "ScenePlan") -> list[str]:
     """How to read the choices and their neighbours."""
-    margins = ", ".join(f"{kind} × {MARGINS[kind]:g}" for kind in found.scene.tolerance.kinds if MARGINS[kind] != 1)
+    kinds = [kind for kind in found.scene.tolerance.kinds if MARGINS[kind] != 1]
+    margins = ", ".join(f"{WORDS[kind]} × {MARGINS[kind]:g}" for kind in kinds)
     margin = f", with a margin for views that were not rendered ({margins})" if margins else ""
     return [
         f"of limit: the part of your tolerance that the worst error uses{margin}; up to 100% it is met. An error with"

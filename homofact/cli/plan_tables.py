@@ -7,6 +7,7 @@ from rich.text import Text
 
 from homofact.cli.layout import add_figures, add_names, plain_table
 from homofact.evaluation.wording import counted, figure
+from homofact.planning.tolerance import WORDS
 
 if TYPE_CHECKING:
     from homofact.planning.ladder import Candidate
@@ -29,7 +30,7 @@ def choice_table(found: "ScenePlan") -> Table:
             continue
         used = Text(f"{outcome.error:.0%}", "bold" if each.walk.met else "bold red")
         under = f" under {outcome.lighting}" if several and outcome.lighting else ""
-        worst = f"{outcome.kind} {figure(outcome.value)}{under}"
+        worst = f"{WORDS[outcome.kind]} {figure(outcome.value)}{under}"
         table.add_row(name_of(each), in_words(choice), str(outcome.bytes), str(outcome.fetches), worst, used)
     return table
 

@@ -12,13 +12,41 @@ if TYPE_CHECKING:
     from homofact.evaluation.verdict.verdict import Verdict
 
 USUAL = "usual"  # of --strict without a number
+BULLET = "  - "  # before a finding
 LEAST_LEFT_OUT = 0.01  # of the pictures: from here on it is said
 
 
 def verdict_lines(verdict: "Verdict") -> list[str]:
-    """The error bars in a sentence, a warning, the figures, then what was noted, and what to try where it is bad."""
+    """Return the error bars in a sentence with a warning, the findings, their figures, and what to try."""
+    return [verdict_line(verdict), *finding_lines(verdict), figures_line(verdict), *advice_lines(verdict)]
+
+
+def verdict_line(verdict: "Verdict") -> str:
+    """Return the error bars in a sentence, with a warning if there is one."""
+    return f"Verdict: {verdict.summary}"
+
+
+def finding_lines(verdict: "Verdict") -> list[str]:
+    """Return the findings under a line that names what they are about."""
     from homofact.evaluation.verdict.finding import About
 
+    lines = []
+    for whose in About:
+        found = verdict.about(whose)
+        if found:
+            lines += [f"{whose.title}:", *(f"{BULLET}{noted(each)}" for each in found)]
+    return lines
+
+
+def advice_lines(verdict: "Verdict") -> list[str]:
+    """Return the option to try first after a warning, in a line; no line if no option is known to help."""
+    if not verdict.recommended:
+        return []
+    return [f"Try next: the same command with {option(verdict.recommended)}"]
+
+
+def figures_line(verdict: "Verdict") -> str:
+    """Return the figures that the verdict was computed from."""
     errors, system = verdict.figures.errors, verdict.figures.system
     figures = [f"explains {max(errors.explained, 0):.1%}", f"held out / training {figure(errors.gap)}"]
     if system.determined is not None:
@@ -28,14 +56,7 @@ def verdict_lines(verdict: "Verdict") -> list[str]:
     if verdict.look is not None and verdict.look.left_out >= LEAST_LEFT_OUT:
         figures.append(f"{verdict.look.left_out:.0%} of the pictures without samples, not searched for artefacts")
     figures += [f"albedo up to {figure(verdict.figures.light.albedo)}", f"misplaced light {errors.misplaced:.1%}"]
-    lines = [f"Verdict: {verdict.summary}", f"  ({', '.join(figures)})"]
-    for whose in About:
-        found = verdict.about(whose)
-        if found:
-            lines += [f"{whose.title}:", *(f"  - {noted(each)}" for each in found)]
-    if verdict.recommended:
-        lines.append(f"Try next: the same command with {option(verdict.recommended)}")
-    return lines
+    return f"Figures of the verdict: {', '.join(figures)}"
 
 
 def brief_lines(verdicts: Mapping[str, "Verdict"]) -> list[str]:

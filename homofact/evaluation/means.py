@@ -195,8 +195,10 @@ def _cell(spread: Spread | None) -> str:
 
 
 def _headed(metric: str) -> str:
-    unit = METRICS[metric].unit
-    return escaped(metric.replace("_", " ")) + (f" ({_LATEX[unit]})" if unit else "")
+    """A metric in words and its unit, capitalized; its name where the words need more than ASCII."""
+    unit, words = METRICS[metric].unit, METRICS[metric].words
+    words = words if words.isascii() else metric.replace("_", " ")
+    return escaped(words[:1].upper() + words[1:]) + (f" ({_LATEX[unit]})" if unit else "")
 
 
 def _comment(text: str) -> str:

@@ -1,7 +1,7 @@
 """What the text formats share: lines with their numbers, tables of numbers, and errors that name the line."""
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
@@ -40,12 +40,17 @@ def check_last_line(path: object, raw: bytes, number: int) -> None:
 
 
 def number_table(
-    path: object, lines: Iterable[tuple[int, str]], columns: int, what: str, separator: str | None = None
+    path: object,
+    lines: Iterable[tuple[int, str]],
+    columns: int,
+    what: str,
+    separator: str | None = None,
+    names: Sequence[str] = (),
 ) -> tuple[np.ndarray, list[int]]:
     """The numbers (rows, columns) of `lines` in float64, and the line of each row.
 
-    `what` says what the columns are, for the error; `separator` None is blanks. Raises BadInput naming the
-    line for another number of columns and for what is no finite number.
+    `what` says what the columns are, for the error, and `names` are their names where they have some; `separator` None
+    is blanks. Raises BadInput naming the line for another number of columns and for what is no finite number.
     """
     values: list[float] = []
     numbers: list[int] = []
@@ -59,8 +64,11 @@ def number_table(
             row = [math.nan]
         # float() takes "1_0" too, which no measurement means.
         if not all(map(math.isfinite, row)) or "_" in line:
-            bad = next(word for word in words if not _is_finite(word))
-            raise BadInput(where=f"{path}: line {number}", found=short(bad.strip()), expected="a finite number")
+            column = next(k for k, word in enumerate(words) if not _is_finite(word))
+            bad = words[column].strip()
+            where = f" in column {names[column] if names else column + 1}"
+            found = short(bad) if bad else f"an empty cell{where}"
+            raise BadInput(where=f"{path}: line {number}", found=found, expected="a finite number")
         values += row
         numbers.append(number)
     return np.array(values, dtype=np.float64).reshape(-1, columns), numbers

@@ -23,7 +23,7 @@ from homofact.figures.words import in_figure
 from homofact.files.atomic import replace_file
 from homofact.planning.ladder import WHOLE, Candidate
 from homofact.planning.plan import MaterialPlan, ScenePlan
-from homofact.planning.tolerance import MARGINS, UNLIT
+from homofact.planning.tolerance import MARGINS, UNLIT, WORDS
 
 _MARKERS = {"constant": "o", "lambert-9": "D", "mccool": "s", "search": "h", "svd": "^"}
 # Okabe and Ito's, which colour-blind eyes can tell apart.
@@ -157,7 +157,7 @@ def _bars(plan: MaterialPlan) -> list[tuple[str, float, float]]:
     bars = []
     for judge, errors in zip(plan.judges, plan.errors, strict=False):
         for kind, limit in plan.tolerance.limits:
-            words = f"{kind}, {judge.lighting.name}" if kind not in UNLIT else kind
+            words = WORDS[kind] if kind in UNLIT else f"{WORDS[kind]}, {judge.lighting.name}"
             part = errors.of(kind) / limit
             bars.append((words, part, part * MARGINS[kind]))
     return bars

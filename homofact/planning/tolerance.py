@@ -33,6 +33,15 @@ MARGINS: Mapping[str, float] = {
     # Measured in the one picture that the law of opinions was fitted to.
     "delta_e_study": 1.0,
 }
+# As people read them.
+WORDS: Mapping[str, str] = {
+    "cole": "Cole error",
+    "delta_e": "mean ΔE",
+    "delta_e_p95": "95% quantile of ΔE",
+    "delta_e_peak": "largest ΔE",
+    "reflected": "RMS of reflected light",
+    "delta_e_study": "mean ΔE of the study's picture",
+}
 # By `--tolerance`: "visible" keeps what people would grade within `evaluation.opinion.UNSEEN` of identical pictures.
 NAMED = ("visible",)
 
@@ -96,5 +105,5 @@ class Tolerance:
         return max(used, key=lambda part: part.ratio)
 
     def describe(self) -> str:
-        """In words: "delta_e at most 1 and delta_e_peak at most 10"."""
-        return " and ".join(f"{kind} at most {limit:g}" for kind, limit in self.limits)
+        """In words: "mean ΔE at most 1 and largest ΔE at most 10"."""
+        return " and ".join(f"{WORDS[kind]} at most {limit:g}" for kind, limit in self.limits)

@@ -38,13 +38,19 @@ def percent(share: float, digits: int = 1) -> str:
     return rf"{fixed(100 * share, digits)}\%"
 
 
+def capitalized(head: str) -> str:
+    """A head of a column with its first letter in upper case, unless that begins a unit such as dB."""
+    return head if head[1:2].isupper() else head[:1].upper() + head[1:]
+
+
 def booktabs(head: Sequence[str], rows: Iterable[Sequence[str] | None], text_columns: int = 1) -> str:
     """A tabular for the package booktabs; columns after the first `text_columns` are flush right, None is a rule.
 
-    The cells are LaTeX already. Raises ValueError for a row of another length than the head.
+    The cells are LaTeX already; those of the head are capitalized. Raises ValueError for a row of another length than
+    the head.
     """
     columns = "l" * text_columns + "r" * (len(head) - text_columns)
-    lines = [rf"\begin{{tabular}}{{@{{}}{columns}@{{}}}}", r"\toprule", " & ".join(head) + r" \\", r"\midrule"]
+    lines = [rf"\begin{{tabular}}{{@{{}}{columns}@{{}}}}", r"\toprule", " & ".join(map(capitalized, head)) + r" \\", r"\midrule"]
     for row in rows:
         if row is not None and len(row) != len(head):
             raise ValueError(f"a row of {len(row)} cells under a head of {len(head)}: {row}")

@@ -153,7 +153,7 @@ def _bounds_table(groups: dict[str, Fits]) -> str:
                 _median([_error(each.bar(quantity, doubt)) for each in fits]) for doubt in (None, "", "any")
             )
             true = _median([each.true(quantity) for each in fits])
-            cells.append(f"{stated} ({if_right} if right, {fault} whatever is wrong; true {true})")
+            cells.append(f"{stated} ({if_right} for right data, {fault} for faulty data; true {true})")
         lines.append(tuple(cells))
     return markdown(("good fits", "number", *(f"{quantity}, median bound" for quantity in QUANTITIES)), lines)
 

@@ -100,7 +100,7 @@ BAD = {
     "no rows": (HEAD, "no samples after the header, expected rows of 5 numbers"),
     "columns": (HEAD + "0,0,0,1\n", r"line 2: 4 columns, expected 5 \(as the header names\)"),
     "a word": (HEAD + "0,0,0,0,x\n", "line 2: found 'x', expected a finite number"),
-    "nothing": (HEAD + "0,0,,0,1\n", "line 2: found '', expected a finite number"),
+    "nothing": (HEAD + "0,0,,0,1\n", "line 2: found an empty cell in column theta_o, expected a finite number"),
     "infinite": (HEAD + "0,0,0,0,inf\n", "line 2: found 'inf'"),
     "negative": (HEAD + "0,0,0,0,1\n\n0,0,0,0,-1\n", "line 4: Y is -1, expected >= 0"),
     "negative weight": ("weight," + HEAD + "-1,0,0,0,0,1\n", "line 2: weight is -1, expected >= 0"),

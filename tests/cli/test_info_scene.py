@@ -8,6 +8,7 @@ import pytest
 
 from homofact.cli.main import main
 
+CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 CURVE = {"term": "diffuse", "curve": "incident", "angle": "theta_i", "bands": 256, "sliders": []}
 EDITED: dict[str, Any] = {
     "scene": "desk",
@@ -93,8 +94,66 @@ def test_a_scene_has_no_plot_and_other_folders_are_refused_as_before(
     place = folder_of(tmp_path, "edit", wrapped(EDITED))
     assert main(["info", str(place), "--plot", str(tmp_path / "x.png")]) == 2
     assert "plot:" in (said := capsys.readouterr().err)
-    assert "is a prepared scene, which has its pictures, expected none" in said
+    assert "is no source (prepared scene), expected none" in said
     assert not (tmp_path / "x.png").exists()
     (place / "edit.npz").unlink()
     assert main(["info", str(place)]) == 2
     assert "a folder, expected a BRDF file" in capsys.readouterr().err
+
+
+COMMANDS = {
+    "scenes/edit.toml": ("a scene for editing", ["edit {} --out FOLDER"]),
+    "scenes/example.toml": ("a scene for planning", ["plan {}"]),
+    "scenes/relight.toml": ("a scene for relighting", ["relight {} --out FOLDER"]),
+    "scenes/relight_planned.toml": ("a scene for relighting", ["plan {}", "relight {} --out FOLDER"]),
+    "sweep.toml": ("a sweep", ["sweep {} --out FOLDER"]),
+    "thesis.toml": ("a configuration", ["factorize --config {}"]),
+    "chart.toml": ("a configuration", ["compare --config {}"]),
+}
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_a_toml_file_is_told_by_the_commands_that_read_it(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    place = CONFIGS / name
+    kind, commands = COMMANDS[name]
+    assert main(["info", str(place), "--json"]) == 0
+    expected = [f"homofact {command.format(place)}" for command in commands]
+    assert json.loads(capsys.readouterr().out) == {"file": str(place), "kind": kind, "read_by": expected}
+    assert main(["info", str(place)]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert f"kind {kind} read by homofact" in said
+
+
+def test_what_a_toml_file_has_is_counted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    place = tmp_path / "shop.toml"
+    place.write_text('seed = 3\n[[material]]\nsource = "a"\n[[material]]\nsource = "b"\n[budget]\nbytes = 9\n')
+    assert main(["info", str(place)]) == 0
+    rows = [line.split(None, 1) for line in capsys.readouterr().out.splitlines() if line.strip()]
+    found = {row[0]: row[1].strip() for row in rows if len(row) > 1}
+    assert (found["seed"], found["material"], found["budget"]) == ("3", "2 tables", "bytes")
+
+
+BAD_TOML = {
+    "of no kind": ("[tool]\nx = 1\n", "found 'tool', expected the keys of a configuration"),
+    "empty": ("", "found no keys, expected the keys of a configuration"),
+    "no TOML": ("[tool\n", "not TOML"),
+}
+
+
+@pytest.mark.parametrize("case", BAD_TOML)
+def test_a_toml_file_of_no_kind_is_refused_in_a_line(
+    case: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text, expected = BAD_TOML[case]
+    (tmp_path / "a.toml").write_text(text)
+    assert main(["info", str(tmp_path / "a.toml")]) == 2
+    said = capsys.readouterr().err
+    assert expected in said
+    assert said.count("\n") <= 2
+
+
+def test_a_toml_file_is_no_measurement(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["factorize", str(CONFIGS / "sweep.toml"), "--out", str(tmp_path / "o")]) == 2
+    said = capsys.readouterr().err
+    assert "a TOML file, expected a BRDF file or material:NAME (`homofact info` names what reads it)" in said
+    assert not (tmp_path / "o").exists()

@@ -110,7 +110,7 @@ CONTRADICT = rows("30,0,40,180,0.5,0.4,0.3", "10,0,20,90,0.1,0.1,0.1", "30,0,40,
 BAD_FILES = {
     "contradict": (CONTRADICT, "samples 1 and 3 contradict each other: 0.4 and 0.1 sr⁻¹"),
     "black": (rows("30,0,40,180,0,0,0", "10,0,20,90,0,0,0"), "samples: found values that are all 0"),
-    "not filled in": (rows("30,0,40,180,,,"), "bad.csv: line 3: found '', expected a finite number"),
+    "not filled in": (rows("30,0,40,180,,,"), "bad.csv: line 3: found an empty cell in column R, expected a"),
     "anisotropic": (
         rows("30,0,40,180,1,1,1", "30,90,40,180,1,1,1").replace("true", "false"),
         "samples: found an anisotropic material, expected light from one azimuth",

@@ -104,8 +104,8 @@ def cells(latex: str) -> list[list[str]]:
 def test_the_latex_is_what_a_parser_of_latex_reads() -> None:
     latex = latex_of([*FITS, fit("paint", HOSTILE, 0, 10, 1.5e-5)])
     head, small, large, mccool, hostile = cells(latex)
-    assert head[:4] == ["Method", "Bytes", "Fits", "log mse"]
-    assert [cell.replace(" ", "") for cell in head[4:]] == ["mae(sr^-1)", "psnr(dB)"]
+    assert head[:4] == ["Method", "Bytes", "Fits", "Log MSE"]
+    assert [cell.replace(" ", "") for cell in head[4:]] == ["MAE(sr^-1)", "PSNR(dB)"]
     assert small == ["search", "3072", "1", "0.700", "0.500", "30.0"]
     assert [cell.replace(" ", "") for cell in large] == ["search", "6144", "3", "0.20±0.10", "0.500±0", "30.0±0"]
     assert [cell.strip() for cell in mccool[3:]] == ["–", "0.500 ± 0", "∞"]

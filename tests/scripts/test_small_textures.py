@@ -241,7 +241,9 @@ def test_cells_are_latex() -> None:
         "--",
     )
     assert (fixed(0.07, 3, sign=True), fixed(-0.35, 2), fixed(1.0, 1)) == ("$+0.070$", "$-0.35$", "1.0")
-    assert r"a & b \\" in booktabs(("a", "b"), [("c", "d"), None])
+    made = booktabs(("a b", "dB, $x$", "$y$"), [("c", "d", "e"), None])
+    assert r"A b & dB, $x$ & $y$ \\" in made
+    assert r"c & d & e \\" in made
     with pytest.raises(ValueError, match="a row of 1 cells"):
         booktabs(("a", "b"), [("c",)])
 

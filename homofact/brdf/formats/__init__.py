@@ -56,6 +56,10 @@ def open_file(path: str | os.PathLike[str], channels: str = "rgb", drawing: Draw
         if member is not None and not hasattr(reader, "material_names"):
             raise BadInput(f"{reader.NAME} files hold one material", where=path, expected=f"no #{member}")
         return read_by(reader, path, channels, drawing)
+    if str(file).lower().endswith(".toml"):
+        raise BadInput(
+            "a TOML file", where=file, expected="a BRDF file or material:NAME", hint="`homofact info` names what reads it"
+        )
     if hint := hint_of(head):
         others = ", ".join(reader.NAME for reader in READERS if reader is not csv)
         what = f"content of no known format (begins with {beginning(head)}): {hint}; other formats: {others}"

@@ -78,7 +78,7 @@ def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
     rows = lines[index + 1 :]
     if not rows:
         raise BadInput("no samples after the header", where=path, expected=f"rows of {len(names)} numbers")
-    numbers, places = number_table(path, rows, len(names), "as the header names", ",")
+    numbers, places = number_table(path, rows, len(names), "as the header names", ",", names)
     check_last_line(path, raw, lines[-1][0])
     table = {name: torch.from_numpy(numbers[:, k].copy()) for k, name in enumerate(names)}
     _check(path, places, table, form)

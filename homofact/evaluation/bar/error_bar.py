@@ -2,7 +2,7 @@
 
 A bar states that the source reflects between `low` and `high` times the light of the fit. If the source can be
 evaluated everywhere, the bar is a measured error. For samples, the bar holds in nine of ten cases like those of the
-calibration (docs/verdict.md), either under the condition that the samples are right, or whatever is wrong with them.
+calibration (docs/verdict.md): fits of right samples or, where the verdict suspects a fault, of faulty ones.
 A bar wider than a factor of ten carries no information and is withdrawn.
 """
 
@@ -45,7 +45,7 @@ class ErrorBar:
     error : the bound of the error as a share; None where it is withdrawn.
     rate : the share of fits that the bound holds for; 1 for what was measured.
     degrees : the range of θ in degrees for which it holds.
-    reason : why it is withdrawn or wide, in words; "" otherwise.
+    reason : why it is withdrawn or wide, as a clause that "so the limits are wider" can follow; "" otherwise.
     """
 
     quantity: str
@@ -178,7 +178,7 @@ class ErrorBars:
         beyond = f"; measured {low:.0f}–{high:.0f}°, beyond is extrapolation" if high < _EDGE else ""
         given = "if the samples are right"
         if self.kind is BarKind.FAULT:
-            given = f"even if the samples are wrong ({stated[0].reason})"
+            given = f"{stated[0].reason}, so these limits are wider"
         return f"{given}: {said}; true for {_often(stated[0].rate)} such fits{beyond}"
 
     def record(self) -> dict[str, Any]:

@@ -39,7 +39,7 @@ def measured_bars(seen: Appearance) -> ErrorBars:
 
 
 def stated_bars(figures: "Figures", odds: Mapping[str, float], constants: Table, doubt: str) -> ErrorBars:
-    """The bars of a fit to samples: if they are right, or, where there is a `doubt` in words, whatever is wrong.
+    """The bars of a fit to samples: of right samples or, where there is a `doubt` in words, of faulty ones.
 
     `odds` are those of the suspicions.
     """

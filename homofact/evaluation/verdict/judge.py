@@ -2,7 +2,7 @@
 
 If the source can be evaluated everywhere, the error is measured. For samples, the models of `bar.table` estimate it
 from their figures (`measuring`): under the condition that the samples are right or, if there is a suspicion or a
-warning, whatever is wrong with them.
+warning, as for fits of faulty samples.
 """
 
 import math
@@ -81,10 +81,10 @@ def is_good(off: float, sky: float, lamp: float) -> bool:
 
 
 def doubt_of(odds: Mapping[str, float], alarm: Alarm) -> str:
-    """Why the samples may be wrong, in words: "" where nothing speaks against them."""
+    """Why the error bars are those of faulty samples, as a clause: "" where nothing speaks against the samples."""
     if odds:
-        return ", ".join(odds)
-    return "the fit resembles faulty ones" if alarm.given else ""
+        return f"the samples look faulty ({', '.join(odds)})"
+    return "the fit resembles fits of faulty samples" if alarm.given else ""
 
 
 def _costed(finding: Finding, figures: Figures, odds: Mapping[str, float], constants: Table, doubted: bool) -> Finding:
