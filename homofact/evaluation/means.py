@@ -196,7 +196,7 @@ def _cell(spread: Spread | None) -> str:
 
 def _headed(metric: str) -> str:
     """A metric in words and its unit, capitalized; its name where the words need more than ASCII."""
-    unit, words = METRICS[metric].unit, METRICS[metric].words
+    unit, words = METRICS[metric].unit, METRICS[metric].label
     words = words if words.isascii() else metric.replace("_", " ")
     return escaped(words[:1].upper() + words[1:]) + (f" ({_LATEX[unit]})" if unit else "")
 

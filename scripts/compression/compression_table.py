@@ -24,7 +24,7 @@ from homofact.evaluation.machine import machine
 from homofact.linear.normal import warm_up
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
-from scripts.compression.compression_charts import draw
+from scripts.compression.compression_charts import draw, points_of
 from scripts.compression.compression_fits import DEFAULT_METHODS, METHODS, READINGS, Entry, entries, name_of, wanted
 from scripts.compression.compression_limits import FILE as LIMITS
 from scripts.compression.compression_protocol import PAIRS, kept, place_of
@@ -148,7 +148,7 @@ def main(arguments: list[str] | None = None) -> int:
         progress(f"{number} of {len(some)}: {material}, {time.perf_counter() - began:.0f} s")
     finish(parts(found, every, options.cache, options.short), options)
     if options.plot:
-        draw(options.plot, found, read(options.cache))
+        draw(options.plot, points_of(found, read(options.cache)))
     return 0
 
 
