@@ -105,7 +105,8 @@ def _laid_out(task: SearchTask, outcome: SearchOutcome, budget: FitBudget) -> tu
     if task.sizes.texels is None:
         return outcome, tuple(texture_shape(projection, task.sizes.side) for projection in outcome.mix.projections)
     layouts = FitBudget(task.granted, task.deadline)
-    spent = best_within(task.sizes.texels, outcome.levels, task.full, task.smoothing_for, layouts)
+    measured = min(len(material.given) for material in task.materials)
+    spent = best_within(task.sizes.texels, outcome.levels, task.full, task.smoothing_for, layouts, measured)
     budget.add(layouts)
     before, after = len(outcome.mix.kinds), len(spent.mix.kinds)
     notes = outcome.notes

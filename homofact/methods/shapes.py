@@ -4,6 +4,10 @@ A search of mixes gives the best mix of one texture, of two, and so on. Each of 
 texels evenly, and is judged at that size by cross-validation; one more texture has to earn its fetch. Then, texture by
 texture, the texels are laid out longer along one axis than along the other, and more of them are given to one texture
 than to the rest, as long as the left-out error falls.
+
+Few samples make the left-out error noisy, and the least of many noisy errors is often not that of the best fit. All
+folds of few samples are therefore left out instead of one, and another texture or layout has to gain more
+(scripts/accuracy/bytes_on_few_samples.py).
 """
 
 import math
@@ -18,8 +22,11 @@ from homofact.methods.effort import FitBudget, cost_of_solve
 from homofact.methods.materials import Materials
 from homofact.methods.mix import Mix
 
-_WORTH_A_FETCH = 0.97  # one more texture is taken where it leaves less than this share of the error
-_WORTH_A_MOVE = 0.995  # and another layout where it leaves less than this
+_FEW = 4000  # samples of a material, copies not counted
+# One more texture is taken where it leaves less than this share of the error, and another layout where it leaves less
+# than that: with many samples, and with few.
+_WORTH_A_FETCH, _WORTH_A_FETCH_OF_FEW = 0.97, 0.75
+_WORTH_A_MOVE, _WORTH_A_MOVE_OF_FEW = 0.995, 0.9
 _ASPECTS = (2.0, 0.5)  # columns over rows, times this at a move
 SHARES = (1.5,)  # a texture's share of the texels, times this
 _LEAST, _STRETCH = 2, 16.0
@@ -126,27 +133,51 @@ class SizedMix:
     errors: tuple[float, ...]
 
 
-def best_within(
-    texels: int, mixes: tuple[Mix, ...], materials: Materials, smoothing_for: SmoothingFor, budget: FitBudget
-) -> SizedMix:
-    """The mix and the shapes that leave the least error on one left-out fold of each partition.
+class _Judge:
+    """The left-out errors of mixes with textures of given shapes, and what a gain in them is worth."""
 
-    `mixes` have one texture, two, and so on. No layout is tried once the budget is spent. Of more texels than dense
-    systems have, layouts are judged with as many as these have. Raises BadInput where not even a 2 × 2 texture for each
-    texture of the smallest mix fits.
+    def __init__(self, materials: Materials, smoothing_for: SmoothingFor, budget: FitBudget, few: bool) -> None:
+        self._materials, self._smoothing_for, self.budget = materials, smoothing_for, budget
+        self._folds = None if few else 1
+        self.worth_a_fetch = _WORTH_A_FETCH_OF_FEW if few else _WORTH_A_FETCH
+        self.worth_a_move = _WORTH_A_MOVE_OF_FEW if few else _WORTH_A_MOVE
+
+    def error(self, mix: Mix, shapes: tuple[Shape, ...]) -> float:
+        """The error on the folds that are left out of each partition: on one, or of few samples on all."""
+        folded = self._materials.folded(mix.projections, shapes, self._folds)
+        lookups = sum(projection.lookups for projection in mix.projections)
+        self.budget.spend(self._materials.cost(lookups, folded.unknowns))
+        self.budget.spend(folded.solves(self._folds) * cost_of_solve(folded.unknowns))
+        return folded.error(self._smoothing_for(mix, shapes), self._folds)
+
+
+def best_within(
+    texels: int,
+    mixes: tuple[Mix, ...],
+    materials: Materials,
+    smoothing_for: SmoothingFor,
+    budget: FitBudget,
+    measured: int,
+) -> SizedMix:
+    """The mix and the shapes that leave the least error on left-out folds of each partition.
+
+    `mixes` have one texture, two, and so on; each material has `measured` samples, copies not counted. No layout is
+    tried once the budget is spent. Of more texels than dense systems have, layouts are judged with as many as these
+    have. Raises BadInput where not even a 2 × 2 texture for each texture of the smallest mix fits.
     """
+    judge = _Judge(materials, smoothing_for, budget, measured < _FEW)
     granted, texels = texels, min(texels, MOST_DENSE)
     judged: list[tuple[float, Mix, Layout]] = []
     for mix in mixes:
         layout = Layout.even(len(mix.kinds))
-        if stored(mix.projections, layout.shapes(mix.projections, texels)) <= texels:
-            error = _judged(mix, layout.shapes(mix.projections, texels), materials, smoothing_for, budget)
-            judged.append((error, mix, layout))
+        shapes = layout.shapes(mix.projections, texels)
+        if stored(mix.projections, shapes) <= texels:
+            judged.append((judge.error(mix, shapes), mix, layout))
     if not judged:
         raise BadInput(where="bytes", found=f"{texels} texels", expected="enough for a texture of 2 × 2 each")
     lowest, mix, layout = judged[0]
     for error, more, even in judged[1:]:
-        if error < _WORTH_A_FETCH * lowest:
+        if error < judge.worth_a_fetch * lowest:
             lowest, mix, layout = error, more, even
     improved = True
     while improved and not budget.over:
@@ -155,17 +186,7 @@ def best_within(
             shapes = trial.shapes(mix.projections, texels)
             if budget.over or stored(mix.projections, shapes) > texels:
                 continue
-            error = _judged(mix, shapes, materials, smoothing_for, budget)
-            if error < _WORTH_A_MOVE * lowest:
+            error = judge.error(mix, shapes)
+            if error < judge.worth_a_move * lowest:
                 lowest, layout, improved = error, trial, True
     return SizedMix(mix, layout.shapes(mix.projections, granted), tuple(error for error, _, _ in judged))
-
-
-def _judged(
-    mix: Mix, shapes: tuple[Shape, ...], materials: Materials, smoothing_for: SmoothingFor, budget: FitBudget
-) -> float:
-    folded = materials.folded(mix.projections, shapes, 1)
-    lookups = sum(projection.lookups for projection in mix.projections)
-    budget.spend(materials.cost(lookups, folded.unknowns))
-    budget.spend(folded.solves(1) * cost_of_solve(folded.unknowns))
-    return folded.error(smoothing_for(mix, shapes), 1)

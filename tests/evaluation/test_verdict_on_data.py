@@ -155,7 +155,7 @@ def test_what_samples_are_suspected_of_is_in_the_verdict_on_a_measurement(power:
     assert "`convert(undo=" in found.remedy
     # Such samples may be wrong: no bar says that it holds if they are right.
     assert one.bars.kind in (BarKind.FAULT, BarKind.WITHDRAWN)
-    assert name in one.bars.of("albedo").reason
+    assert one.bars.of("albedo").reason == f"the samples look faulty ({name})"
     # Of what was drawn by a scheme nothing is suspected: its convention is ours.
     assert name not in names(verdict(train=given))
     assert not any(each.name.startswith("cosine") for each in verdict(train=measured(many)).findings)
