@@ -26,8 +26,11 @@ def figure(value: float | None) -> str:
 
 
 def findings_named(names: Sequence[str]) -> str:
-    """Findings by name, as they follow a verdict's sentence: " (noted: coverage, light)"; "" where there is none."""
-    return f" (noted: {', '.join(names)})" if names else ""
+    """Findings by name, as they follow a verdict's sentence: " (noted: coverage, light)"; "" where there is none.
+
+    A name that several findings have is named once.
+    """
+    return f" (noted: {', '.join(dict.fromkeys(names))})" if names else ""
 
 
 def counted(number: int, noun: str) -> str:

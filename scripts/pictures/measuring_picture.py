@@ -51,7 +51,7 @@ def _places(axis: Axes, rounds: list[np.ndarray]) -> None:
     axis.set_xticks(np.sqrt(ticks), [f"{tick:g}°" for tick in ticks])
     axis.set_xlabel("half angle θh (0° is the mirror direction)", fontsize=9)
     axis.set_ylabel("difference angle θd (degrees)", fontsize=9)
-    axis.set_title("directions that each round asked for", fontsize=9)
+    axis.set_title("directions of each round", fontsize=9)
     axis.grid(color="#e4e4e4", linewidth=0.8)
     axis.set_axisbelow(True)
     axis.legend(fontsize=8, frameon=False, loc="upper right")
@@ -93,7 +93,7 @@ def main(arguments: list[str] | None = None) -> int:
     _places(axes["places"], [every[start : start + EACH] for start in range(0, len(every), EACH)])
     error, counts = axes["error"], [count for count, _, _ in steps]
     error.plot(counts, found, "o-", color="#12385f", label="PSNR against the measurement")
-    error.plot(counts, least, "s--", color="#9a9a9a", label="foretold for nine of ten materials")
+    error.plot(counts, least, "s--", color="#9a9a9a", label="predicted lower bound for nine of ten materials")
     error.set_xticks(counts)
     error.set_xlabel("directions measured", fontsize=9)
     error.set_ylabel("PSNR (dB)", fontsize=9)

@@ -25,6 +25,7 @@ def test_findings_follow_the_sentence_as_such() -> None:
     assert said == ("Verdict", sound.summary)
     assert light[1] == "5°: 1 to 1"
     assert findings_named([]) == ""
+    assert findings_named(["artefact", "light", "artefact"]) == " (noted: artefact, light)"
 
 
 @pytest.mark.parametrize(("text", "meant"), [("", False), (USUAL, True), ("0.05", 0.05), ("0", 0.0)])

@@ -1,33 +1,20 @@
 """README, CONTRIBUTING, docs/ and the strings of the package, checked by the rules of docs/words.toml."""
 
-import ast
-import inspect
 import re
-import tomllib
 from pathlib import Path
 
 import pytest
 
+from sitemaker.prose import CODE, DOCSTRING_CODE, RULES, broken, strings
+
 ROOT = Path(__file__).resolve().parents[2]
-RULES = tomllib.loads((ROOT / "docs/words.toml").read_text(encoding="utf-8"))["rule"]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 SOURCES = sorted((ROOT / "homofact").rglob("*.py"))
-# The rules do not apply to code and quoted output.
-CODE = re.compile(r"```.*?```|`[^`\n]*`|<!--.*?-->|(?m:^    [^\n]*$)", re.DOTALL)
-# In a docstring only an indented block after a blank line is code: the description of a parameter is indented too.
-DOCSTRING_CODE = re.compile(
-    r"```.*?```|`[^`\n]*`|(?:\A|\n\n)(?: {4}[^\n]*(?:\n\n?|\Z))+|(?m:^ *\w+(?:, \w+)* : )", re.DOTALL
-)
 
 
 def found(text: str, code: re.Pattern[str] = CODE) -> list[str]:
     """Return the phrases that break a rule, as "line 3: 'bytes a material': per …"."""
-    bare = code.sub(lambda match: re.sub(r"[^\n]", " ", match[0]), text)
-    return [
-        f"line {bare.count(chr(10), 0, match.start()) + 1}: {match[0]!r}: {rule['instead']}"
-        for rule in RULES
-        for match in re.finditer(rule["pattern"], bare)
-    ]
+    return [f"line {line}: {phrase!r}: {RULES[rule]['instead']}" for rule, line, phrase in broken(text, code)]
 
 
 @pytest.mark.parametrize("rule", RULES, ids=lambda rule: rule["instead"][:24])
@@ -56,13 +43,8 @@ def test_only_commands_of_a_tutorial_begin_like_one(page: Path) -> None:
 
 
 def wrong_texts(source: str) -> dict[int, list[str]]:
-    """Return the phrases in the strings of a Python source that break a rule, by the first line of the string.
-
-    A string without a space is a name, not a text.
-    """
-    texts = [(each.lineno, each.value) for each in ast.walk(ast.parse(source)) if isinstance(each, ast.Constant)]
-    cleaned = [(line, inspect.cleandoc(text)) for line, text in texts if isinstance(text, str)]
-    wrong = {line: found(text, DOCSTRING_CODE) for line, text in cleaned if re.search(r"\s", text)}
+    """Return the phrases in the strings of a Python source that break a rule, by the first line of the string."""
+    wrong = {line: found(text, DOCSTRING_CODE) for line, text in strings(source)}
     return {line: each for line, each in wrong.items() if each}
 
 

@@ -196,10 +196,10 @@ class ErrorBars:
 
 
 def percent(error: float) -> str:
-    """An error as a share in words, with two digits at most: 0.4%, 5%, 12%; a factor where it is over 100%."""
+    """An error as a share in words, at least 0.1%, two digits at most: 0.4%, 5%, 12%; a factor if it is over 100%."""
     if error > 1:
         return f"a factor of {1 + error:.2g}"
-    return f"{error:.1%}" if error < 0.00995 else f"{math.ceil(100 * error - 0.5):.0f}%"
+    return f"{max(error, 0.001):.1%}" if error < 0.00995 else f"{math.ceil(100 * error - 0.5):.0f}%"
 
 
 def _often(rate: float) -> str:
