@@ -66,7 +66,7 @@ SEED = options_of(ConfigTable)["seed"]
 
 
 def fit_options() -> dict[str, dict[str, Declared]]:
-    """The settings of all methods but the seed, by name: each as the methods that have it declare it."""
+    """Return the settings of all methods but the seed, by name: each as the methods that have it declare it."""
     settings: dict[str, dict[str, Declared]] = {}
     for name, method in ALL_METHODS.items():
         for setting, declared in options_of(method).items():
@@ -86,7 +86,7 @@ def section_options() -> dict[str, Declared]:
 
 
 def load_config(path: str | Path | None = None, given: Mapping[str, Any] | None = None) -> Config:
-    """The settings of a run from a TOML file (or none) and the command line's own.
+    """Return the settings of a run from a TOML file (or none) and the command line's own.
 
     `given` maps dotted keys ("fit.size", "seed") to values, None where the option was not used. Raises
     BadInput for a file that cannot be read or is of another kind, an unknown key, a wrong type or a value out of range.

@@ -106,7 +106,7 @@ class Advice:
         return f"`{self.of}({given})`" if self.of else f"`{given}`"
 
     def record(self) -> dict[str, Any]:
-        """A JSON-able dictionary."""
+        """Return a JSON-able dictionary."""
         return {"setting": self.setting, "value": self.value}
 
 

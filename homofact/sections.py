@@ -92,7 +92,7 @@ class SourceSettings(_Checked):
     )
 
     def opening(self, seed: int, path: str | None = None) -> "Opening":
-        """How the source is opened, a model drawn by `seed`; the source at another `path` where one is given."""
+        """Return how the source is opened, a model drawn by `seed`; the source at another `path` where one is given."""
         from homofact.brdf.source import Opening
 
         text = str(self.path) if path is None else path
@@ -202,14 +202,14 @@ class FitSection:
     places: Mapping[str, str] = field(default_factory=dict)
 
     def method_alone(self) -> "Method":
-        """The method with all of the settings. Raises BadInput for one that gives no textures too."""
+        """Return the method with all of the settings. Raises BadInput for one that gives no textures too."""
         if self.method in MODELS_BY_NAME:
             expected = f"one of {', '.join(METHODS)}; models without textures are for homofact compare"
             raise BadInput(where=self.places.get("method", "method"), found=repr(self.method), expected=expected)
         return self._placed(lambda: made(self.method, self.settings))
 
     def methods(self, labels: Iterable[str]) -> "dict[str, Method]":
-        """The methods of several labels, each with those of the settings that it has."""
+        """Return the methods of several labels, each with those of the settings that it has."""
         return self._placed(lambda: made_each(labels, self.settings))
 
     def with_settings(self, settings: Mapping[str, Any]) -> "FitSection":
@@ -217,7 +217,7 @@ class FitSection:
         return FitSection(self.method, {**self.settings, **settings}, self.places)
 
     def without(self, *names: str) -> "FitSection":
-        """The section without these settings."""
+        """Return the section without these settings."""
         kept = {name: value for name, value in self.settings.items() if name not in names}
         return FitSection(self.method, kept, self.places)
 

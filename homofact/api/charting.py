@@ -188,7 +188,7 @@ class _Charting:
     steps: ProgressSteps
 
     def run(self) -> ChartResult:
-        """All charts. Raises Interrupted for Ctrl-C."""
+        """Return all charts. Raises Interrupted for Ctrl-C."""
         from homofact.evaluation.chart import estimate_charts
         from homofact.evaluation.chart_ledger import ChartLedger
 

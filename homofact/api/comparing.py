@@ -229,7 +229,10 @@ def compare(
 def named_methods(
     methods: "Sequence[str | Method] | Mapping[str, Method]", settings: Mapping[str, Any]
 ) -> "dict[str, Method]":
-    """The methods by label. Raises BadInput for none, one that is there twice, and settings that none of them has."""
+    """Return the methods by label.
+
+    Raises BadInput for none, one that is there twice, and settings that none of them has.
+    """
     if isinstance(methods, Mapping):
         return dict(methods)
     listed = [methods] if isinstance(methods, str) or not isinstance(methods, Sequence) else list(methods)
@@ -266,7 +269,7 @@ class _Comparison:
     steps: ProgressSteps
 
     def run(self, sources: "Sequence[Source]", subsets: Sequence[int]) -> tuple[list[SourceComparison], bool]:
-        """The fits to every source, and whether Ctrl-C ended it: at once where nothing is done."""
+        """Return the fits to every source, and whether Ctrl-C ended it: at once where nothing is done."""
         estimate = self._estimate(sources, subsets)
         self.steps.estimate(estimate)
         done: list[SourceComparison] = []

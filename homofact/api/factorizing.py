@@ -169,7 +169,7 @@ def factorize(
 
 
 def caption(record: dict[str, Any]) -> list[str]:
-    """The lines under a fit's sphere: its errors on the held-out samples and what it costs to evaluate."""
+    """Return the lines under a fit's sphere: its errors on the held-out samples and what it costs to evaluate."""
     held, train = record["error"]["held_out"], record["error"]["train"]
     return [
         f"log MSE {figure(held['log_mse'])} held out, {figure(train['log_mse'])} training",

@@ -9,7 +9,10 @@ from homofact.files.kinds import EXPORT, FACTORIZATION
 
 
 def fit_facts(place: Path) -> tuple[str, dict[str, Any], dict[str, Any]] | None:
-    """(title, rows for people, the answer) of a saved fit; None of anything else. Raises BadInput for a damaged one."""
+    """Return (title, rows for people, the answer) of a saved fit; None of anything else.
+
+    Raises BadInput for a damaged one.
+    """
     if place.is_dir():
         if not any((place / mark).is_file() for mark in (FACTORIZATION, EXPORT.mark)):
             return None

@@ -63,7 +63,7 @@ class ProjectionModule(nn.Module):
         self.symmetric = projection.reciprocal and not self.conjugates and not system.periodic and self.bound is None
 
     def rows(self) -> Tensor:
-        """The matrix (2, k) that takes coordinates to the texture's square."""
+        """Return the matrix (2, k) that takes coordinates to the texture's square."""
         if self.bound is not None:
             rows = Rotation(self.quaternions).normalized().matrix().T[:2]
             largest = row_bounds(rows, self.projection.system.domain, self.bound)
@@ -80,7 +80,7 @@ class ProjectionModule(nn.Module):
         return tuple(x @ matrix.T for matrix in matrices)
 
     def to_projection(self) -> Projection:
-        """The projection as it is now: the fit's own where nothing moved."""
+        """Return the projection as it is now: the fit's own where nothing moved."""
         old = self.projection
         rows = _tensor(self.rows())
         if np.allclose(rows, _tensor(old.matrix), rtol=0, atol=1e-15):
@@ -91,7 +91,7 @@ class ProjectionModule(nn.Module):
         return Projection(old.coordinates, rows, old.reciprocal, "trained", warp=old.warp)
 
     def extra_repr(self) -> str:
-        """Its name, its coordinates and what is special of it."""
+        """Return its name, its coordinates and what is special of it."""
         more = ["reciprocal"] * self.projection.reciprocal + ["warped"] * (self.width is not None)
         return ", ".join([self.projection.name, self.projection.coordinates, *more])
 
@@ -122,7 +122,7 @@ class FitModule(nn.Module):
         self.textures = nn.ParameterList([nn.Parameter(_tensor(texels)) for texels in textures])
 
     def forward(self, wi: Any, wo: Any) -> Tensor:
-        """BRDF values (..., C) in sr⁻¹ without the cosine; 0 where a direction is below the horizon.
+        """Return BRDF values (..., C) in sr⁻¹ without the cosine; 0 where a direction is below the horizon.
 
         `wi` and `wo` are unit vectors (..., 3) of shapes that broadcast, on the module's device. Where coordinates
         have no derivative (a direction along the normal), that by the direction is given as 0.
@@ -148,7 +148,7 @@ class FitModule(nn.Module):
         return {"trained": True}
 
     def extra_repr(self) -> str:
-        """The channels, the sizes of the textures and their bytes."""
+        """Return the channels, the sizes of the textures and their bytes."""
         sizes = ", ".join(f"{texels.shape[0]} × {texels.shape[1]}" for texels in self.textures)
         return f"channels {', '.join(self.fit.channels)}; textures {sizes}; {self.fit.nbytes} bytes"
 
@@ -210,7 +210,7 @@ class SumModule(FitModule):
 
 
 def module_of(fit: Any, device: Any = None, dtype: Any = None) -> FitModule:
-    """The module of a fit, on a device and of a floating type. Raises BadInput for a model without textures."""
+    """Return the module of a fit, on a device and of a floating type. Raises BadInput for a model without textures."""
     own: Any = fit.factorization
     # Trained in all bands: a basis is for storing.
     own = own.expanded if isinstance(own, SpectralFit) else own

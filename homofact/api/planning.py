@@ -221,7 +221,7 @@ def plan(
 
 
 def transport_record(plans: "Sequence[ObjectPlan]") -> dict[str, Any]:
-    """The JSON form of the plans of a scene's objects, at least one."""
+    """Return the JSON form of the plans of a scene's objects, at least one."""
     return {
         "reflected": plans[0].reflected,
         "objects": [plan.record() for plan in plans],

@@ -23,7 +23,7 @@ class Refusal:
 
     @classmethod
     def of(cls, strict: bool | float, names: Sequence[str]) -> "Refusal":
-        """The refusal of options; a number of `strict` is the threshold.
+        """Return the refusal of options; a number of `strict` is the threshold.
 
         Raises BadInput for one that is no probability, and for a finding that there is not, listing all.
         """

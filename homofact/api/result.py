@@ -296,12 +296,12 @@ class RecordedVerdict:
     bars: "ErrorBars | None" = None
 
     def record(self) -> dict[str, Any]:
-        """What the report says, JSON-able."""
+        """Return what the report says, JSON-able."""
         return dict(self.facts)
 
     @classmethod
     def of(cls, record: Any) -> "RecordedVerdict | None":
-        """The verdict of a record; None for what is none, as a report of an early version may hold."""
+        """Return the verdict of a record; None for what is none, as a report of an early version may hold."""
         if not isinstance(record, Mapping) or not isinstance(record.get("trusted"), bool):
             return None
         findings = record.get("findings")

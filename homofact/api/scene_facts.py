@@ -10,7 +10,7 @@ from homofact.files.kinds import PREPARED, RELIT
 
 
 def scene_facts(place: Path) -> tuple[str, dict[str, Any], dict[str, Any]] | None:
-    """(title, rows for people, the answer) of a folder of a scene; None of anything else.
+    """Return (title, rows for people, the answer) of a folder of a scene; None of anything else.
 
     Raises BadInput where the folder's report is missing or damaged.
     """

@@ -41,7 +41,7 @@ class GivenFit:
         return () if self.place is None else (self.place if self.place.is_dir() else self.place.parent,)
 
     def open(self) -> "Fitted":
-        """The stored representation. Raises BadInput for what is no fit."""
+        """Return the stored representation. Raises BadInput for what is no fit."""
         if self.place is not None:
             from homofact.exporting.result import open_result
 
@@ -50,7 +50,10 @@ class GivenFit:
 
 
 def given_fit(fit: Any) -> GivenFit:
-    """A fit as an object, a result's folder or a saved file. Raises BadInput for anything else, and a missing file."""
+    """Return a fit as an object, a result's folder or a saved file.
+
+    Raises BadInput for anything else, and a missing file.
+    """
     if isinstance(fit, str | os.PathLike):
         place = Path(fit)
         check_result(place)
@@ -62,7 +65,7 @@ def given_fit(fit: Any) -> GivenFit:
 
 
 def given_source(source: Any) -> Any:
-    """A source that may be opened later: text where a place was given, all else as it was. Raises BadInput."""
+    """Return a source that may be opened later: text where a place was given, all else as it was. Raises BadInput."""
     if isinstance(source, SourceSettings):
         if source.path is None:
             raise BadInput("none given", where="source", expected="a file or material:NAME")
@@ -80,7 +83,7 @@ def given_source(source: Any) -> Any:
 
 
 def given_method(method: Any, settings: Mapping[str, Any]) -> "Method":
-    """A method as an object; `Search` by the settings where none is given. Raises BadInput for anything else."""
+    """Return a method as an object; `Search` by the settings where none is given. Raises BadInput for anything else."""
     if method is None:
         return made(Search.name, settings)
     if isinstance(method, type) or not hasattr(method, "fit"):
@@ -94,7 +97,7 @@ def given_method(method: Any, settings: Mapping[str, Any]) -> "Method":
 
 
 def open_given(source: Any, seed: int = 0) -> "Source":
-    """The source that `given_source` let through; samples of a model are drawn by `seed`. Raises BadInput."""
+    """Return the source that `given_source` let through; samples of a model are drawn by `seed`. Raises BadInput."""
     from homofact.brdf.source import source_of
 
     if isinstance(source, SourceSettings):
@@ -103,7 +106,10 @@ def open_given(source: Any, seed: int = 0) -> "Source":
 
 
 def reopened_or_why(fitted: "Fitted", source: Any, near: tuple[Path, ...]) -> "Reopened | str":
-    """The fit's source opened again, or why it cannot be. Raises BadInput for a source that is given and not there."""
+    """Return the fit's source opened again, or why it cannot be.
+
+    Raises BadInput for a source that is given and not there.
+    """
     from homofact.evaluation.reopening import NotReopened, reopen
 
     try:
@@ -113,7 +119,7 @@ def reopened_or_why(fitted: "Fitted", source: Any, near: tuple[Path, ...]) -> "R
 
 
 def subset_of(source: Any) -> int:
-    """The most samples that a fit of the source is given, by the source's settings; 0 for all."""
+    """Return the most samples that a fit of the source is given, by the source's settings; 0 for all."""
     return source.subset if isinstance(source, SourceSettings) else 0
 
 

@@ -21,7 +21,7 @@ COMMANDS: Mapping[str, str] = {
 
 
 def toml_facts(place: Path) -> tuple[str, dict[str, Any], dict[str, Any]] | None:
-    """(title, rows for people, the answer) of a TOML file; None of anything else.
+    """Return (title, rows for people, the answer) of a TOML file; None of anything else.
 
     Raises BadInput where the file cannot be read, and where its tables are those of no kind.
     """

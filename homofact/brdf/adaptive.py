@@ -83,7 +83,7 @@ def tabulated(
 
 
 def refilled(table: AdaptiveTable, reflectance: Reflectance) -> AdaptiveTable:
-    """A table with the nodes, densities and channels of `table` that holds another reflectance.
+    """Return a table with the nodes, densities and channels of `table` that holds another reflectance.
 
     Nodes whose viewer lies under the horizon keep what they hold: values next to the horizon are blended with it.
     """
@@ -140,7 +140,7 @@ def importance(table: AdaptiveTable) -> Tensor:
 
 
 def relative_differences(source: Reflectance, table: Reflectance, pairs: int) -> tuple[float, float]:
-    """(median, 99th percentile) of |table − source|/source, channels' means, at cosine-weighted random pairs.
+    """Return (median, 99th percentile) of |table − source|/source, channels' means, at cosine-weighted random pairs.
 
     Values under a thousandth of their mean count as that much, so that zeros do. 0 where the source reflects nothing.
     """

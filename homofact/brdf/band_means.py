@@ -31,7 +31,7 @@ class BandMeans:
 
 
 def klems_means(reflectance: Reflectance, basis: KlemsBasis, isotropic: bool, points: int = POINTS) -> BandMeans:
-    """The means over all pairs of patches; of an `isotropic` material entries of equal |Δφ| are averaged."""
+    """Return the means over all pairs of patches; of an `isotropic` material entries of equal |Δφ| are averaged."""
     rows, apart = [], []
     light, view = _inside(basis, points)
     for k in range(basis.size):

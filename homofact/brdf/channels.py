@@ -84,7 +84,7 @@ class LuminanceOf(Derived):
 
     @answering_in_kind
     def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
-        """CIE Y (N, 1) in sr⁻¹, without the cosine."""
+        """Return CIE Y (N, 1) in sr⁻¹, without the cosine."""
         return _luminance(self.base.evaluate(wi, wo))
 
 
@@ -101,7 +101,7 @@ class OneChannel(Derived):
 
     @answering_in_kind
     def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
-        """BRDF values (N, 1) in sr⁻¹, without the cosine."""
+        """Return BRDF values (N, 1) in sr⁻¹, without the cosine."""
         column = self.base.channels.index(self.name)
         return self.base.evaluate(wi, wo)[:, column : column + 1]
 
@@ -111,7 +111,7 @@ def _luminance(rgb: Tensor) -> Tensor:
 
 
 def display_of(channels: Sequence[str]) -> Callable[[Tensor], Tensor] | None:
-    """What turns values (N, C) into linear sRGB (N, 3) for a picture; None where they show as they are.
+    """Return what turns values (N, C) into linear sRGB (N, 3) for a picture; None where they show as they are.
 
     Spectra become sRGB, negative where it leaves the gamut, which the picture clips and counts; one channel
     shows as grey, and so does the mean of bands that leave out blue or red, which have no colour.

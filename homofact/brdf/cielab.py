@@ -14,14 +14,14 @@ _EPSILON, _KAPPA = 216 / 24389, 24389 / 27
 
 
 def lab(relative: np.ndarray) -> np.ndarray:
-    """L*a*b* (..., 3) of CIE XYZ (..., 3), each over that of the white (CIE 15:2018, 8.2.1)."""
+    """Return L*a*b* (..., 3) of CIE XYZ (..., 3), each over that of the white (CIE 15:2018, 8.2.1)."""
     bent = np.where(relative > _EPSILON, np.cbrt(relative), (_KAPPA * relative + 16) / 116)
     x, y, z = np.moveaxis(bent, -1, 0)
     return np.stack((116 * y - 16, 500 * (x - y), 200 * (y - z)), -1)
 
 
 def lab_of_srgb(encoded: np.ndarray) -> np.ndarray:
-    """CIE L*a*b* (..., 3) of encoded sRGB (..., 3) in [0, 1], against the white of sRGB."""
+    """Return CIE L*a*b* (..., 3) of encoded sRGB (..., 3) in [0, 1], against the white of sRGB."""
     linear = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
     return lab(linear @ _TO_XYZ.T / _WHITE)
 

@@ -23,7 +23,7 @@ def lab_of(spectra: np.ndarray, wavelengths: Sequence[float], illuminant: str) -
 
 
 def lab_of_xyz(xyz: np.ndarray, white: np.ndarray) -> np.ndarray:
-    """L*a*b* (..., 3) of CIE XYZ (..., 3) in sr⁻¹, of which the perfect diffuser has `white`/π (3,)."""
+    """Return L*a*b* (..., 3) of CIE XYZ (..., 3) in sr⁻¹, of which the perfect diffuser has `white`/π (3,)."""
     return lab(np.pi * xyz / white)
 
 

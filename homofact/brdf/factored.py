@@ -53,7 +53,7 @@ class FactoredBrdf(AnalyticModel):
         return 4
 
     def formula(self, wi: "Tensor", wo: "Tensor") -> "Tensor":
-        """The tables at the pair's angles, negative sums cut."""
+        """Return the tables at the pair's angles, negative sums cut."""
         parts = _parts(like(self.table, wi))
         low, share = bins_of(wi, wo)
         values = factored_values(parts, low, share)
@@ -62,7 +62,7 @@ class FactoredBrdf(AnalyticModel):
 
 
 def bins_of(wi: "Tensor", wo: "Tensor") -> "tuple[Tensor, Tensor]":
-    """(the lower bin, the share of the upper one), (N, 4) each, of θh, θd, θi and θo."""
+    """Return (the lower bin, the share of the upper one), (N, 4) each, of θh, θd, θi and θo."""
     angles = axes_of(_AXES, wi, wo) / (math.pi / 2)
     library = namespace(wi)
     theta_h, *others = (angles[:, k] for k in range(len(_AXES)))

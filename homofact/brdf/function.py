@@ -69,7 +69,7 @@ class FunctionReflectance:
 
     @answering_in_kind
     def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
-        """BRDF values (N, C) in sr⁻¹ without the cosine; 0 where a direction is below the horizon."""
+        """Return BRDF values (N, C) in sr⁻¹ without the cosine; 0 where a direction is below the horizon."""
         above = (wi[:, 2] >= 0) & (wo[:, 2] >= 0)
         normal = wi.new_tensor([0, 0, 1])
         wi, wo = (torch.where(above[:, None], w, normal) for w in (wi, wo))

@@ -17,7 +17,7 @@ _Evaluate = TypeVar("_Evaluate", bound=Callable[..., Any])
 
 
 def is_tensor(value: object) -> bool:
-    """Whether `value` is a tensor of torch."""
+    """Return whether `value` is a tensor of torch."""
     torch = sys.modules.get("torch")
     return torch is not None and isinstance(value, torch.Tensor)
 
@@ -38,7 +38,7 @@ class Pairs:
 
     @classmethod
     def of(cls, wi: Any, wo: Any) -> "Pairs":
-        """Directions (..., 3) that broadcast: tensors, arrays, nested lists, or two of these.
+        """Return directions (..., 3) that broadcast: tensors, arrays, nested lists, or two of these.
 
         Where one of the two is a tensor both become tensors of its type, on its device. Whole numbers count as
         float64; half precision is evaluated in float32. Raises BadInput for what are no such directions, and for
@@ -77,7 +77,7 @@ class Pairs:
         return cls(wi, wo, shape, "tensor", dtype)
 
     def tensors(self) -> tuple[Any, Any]:
-        """Both as tensors (N, 3)."""
+        """Return both as tensors (N, 3)."""
         if self.kind == "tensor":
             return self.wi, self.wo
         import torch
@@ -86,7 +86,7 @@ class Pairs:
         return tuple(torch.from_numpy(np.require(w, requirements=["C", "W", "O"])) for w in (self.wi, self.wo))  # type: ignore[return-value]
 
     def answer(self, values: Any) -> Any:
-        """Values (N, C), array or tensor, in the caller's shape, kind and type."""
+        """Return values (N, C), array or tensor, in the caller's shape, kind and type."""
         values = values.reshape(*self.shape, values.shape[-1])
         if self.kind == "tensor":
             return values.to(self.dtype)
@@ -95,7 +95,7 @@ class Pairs:
 
 
 def answering_in_kind(evaluate: _Evaluate) -> _Evaluate:
-    """An `evaluate(self, wi, wo)` of tensors (N, 3) that takes what `Pairs.of` takes and answers in kind."""
+    """Return an `evaluate(self, wi, wo)` of tensors (N, 3) that takes what `Pairs.of` takes and answers in kind."""
 
     @wraps(evaluate)
     def wrapped(self: Any, wi: Any, wo: Any) -> Any:

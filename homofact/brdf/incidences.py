@@ -77,7 +77,7 @@ class IncidenceTable:
         return TableAxis(self.polar), TableAxis(self.azimuth, periodic=not (closed or self.mirrored))
 
     def at(self, polar: Tensor, azimuth: Tensor) -> Tensor:
-        """Values (N, C) at angles (N,) in radians, of any turn."""
+        """Return values (N, C) at angles (N,) in radians, of any turn."""
         if self.mirrored:
             azimuth = (torch.remainder(azimuth + math.pi, 2 * math.pi) - math.pi).abs()
         else:
@@ -140,7 +140,7 @@ class IncidenceTables:
 
     @answering_in_kind
     def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
-        """BRDF values (N, C) in sr⁻¹, without the cosine; 0 where a direction is under the horizon."""
+        """Return BRDF values (N, C) in sr⁻¹, without the cosine; 0 where a direction is under the horizon."""
         total = torch.zeros(len(wi), len(self.channels), dtype=torch.float64)
         above = ((wi[:, 2] >= 0) & (wo[:, 2] >= 0)).nonzero()[:, 0]
         light, view = wi[above].double(), wo[above].double()
@@ -194,7 +194,7 @@ class IncidenceTables:
         return table.at(polar, azimuth), (height >= -_SLACK).double()
 
     def nodes(self) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-        """(wi, wo, values, weights) of the grids' nodes above the horizon: (N, 3), (N, 3), (N, C), (N,).
+        """Return (wi, wo, values, weights) of the grids' nodes above the horizon: (N, 3), (N, 3), (N, C), (N,).
 
         Weights are solid angles of light and viewer, mean 1; of a whole ring at polar angle 0 one node is given.
         """

@@ -71,7 +71,7 @@ class KlemsBasis:
         return (math.pi * (edges[:-1] - edges[1:]) / torch.tensor(self.counts))[self.rings]
 
     def index(self, w: Tensor) -> Tensor:
-        """The patch (N,) of directions (N, 3) above the horizon."""
+        """Return the patch (N,) of directions (N, 3) above the horizon."""
         theta, phi = to_spherical(w)
         inner = torch.tensor(self.bounds[1:-1], dtype=theta.dtype)
         ring = torch.searchsorted(inner, theta.rad2deg().contiguous(), right=True)
@@ -89,7 +89,10 @@ class KlemsBasis:
         return from_spherical(torch.acos(cosine), 2 * math.pi * (self.places[:, None] + along - 0.5) / count)
 
     def mirrored(self) -> Tensor:
-        """The patch (size,) that each becomes where x is turned round. Raises BadInput for odd numbers of patches."""
+        """Return the patch (size,) that each becomes where x is turned round.
+
+        Raises BadInput for odd numbers of patches.
+        """
         count = torch.tensor(self.counts)[self.rings]
         if any(n % 2 and n > 1 for n in self.counts):
             raise BadInput(f"basis {self.name} with counts {self.counts}", expected="even numbers, or 1")
@@ -111,7 +114,7 @@ BASES = {basis.name.lower(): basis for basis in (FULL, HALF, QUARTER)}
 
 
 def planar(w: Tensor, flipped: bool) -> Tensor:
-    """Directions (..., 3) in the axes of a file's side, x to the right seen from Radiance's front and y up.
+    """Return directions (..., 3) in the axes of a file's side, x to the right seen from Radiance's front and y up.
 
     That of a surface's own frame, or `flipped`: seen from the other side, x points the other way.
     """
@@ -119,7 +122,7 @@ def planar(w: Tensor, flipped: bool) -> Tensor:
 
 
 def opposite(w: Tensor) -> Tensor:
-    """Directions (..., 3) with the other azimuth: the mirror directions."""
+    """Return directions (..., 3) with the other azimuth: the mirror directions."""
     return w * w.new_tensor([-1.0, -1.0, 1.0])
 
 
@@ -152,7 +155,7 @@ class KlemsTable:
 
     @answering_in_kind
     def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
-        """BRDF values (N, C) in sr⁻¹, without the cosine; 0 where a direction is under the horizon."""
+        """Return BRDF values (N, C) in sr⁻¹, without the cosine; 0 where a direction is under the horizon."""
         above = (wi[:, 2] >= 0) & (wo[:, 2] >= 0)
         light = self.light.index(opposite(planar(wi[above].double(), self.flipped)))
         view = self.view.index(planar(wo[above].double(), self.flipped))
@@ -161,7 +164,7 @@ class KlemsTable:
         return values
 
     def nodes(self) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-        """(wi, wo, values, weights) at the middles of all pairs of patches; weights are solid angles, mean 1."""
+        """Return (wi, wo, values, weights) at the middles of all pairs of patches; weights are solid angles, mean 1."""
         wi = planar(opposite(self.light.middles()), self.flipped)
         wo = planar(self.view.middles(), self.flipped)
         weights = (self.light.solid_angles[:, None] * self.view.solid_angles).reshape(-1)
@@ -185,7 +188,7 @@ class KlemsTable:
         return kind.reshape(-1).unique(return_inverse=True)[1]
 
     def averaged(self) -> "KlemsTable":
-        """The table with the mean of all entries of equal θi, θo and |Δφ|, as an isotropic material has them."""
+        """Return the table with the mean of all entries of equal θi, θo and |Δφ|, as an isotropic material has them."""
         kind, count = self._kinds, int(self._kinds.max()) + 1
         flat = self.values.double().reshape(-1, len(self.channels))
         total = torch.zeros(count, len(self.channels), dtype=torch.float64).index_add_(0, kind, flat)
@@ -206,7 +209,7 @@ class KlemsTable:
         return self.anisotropy < _ISOTROPIC
 
     def other_side(self) -> "KlemsTable":
-        """The same surface on the other side of a file, whose x points the other way.
+        """Return the same surface on the other side of a file, whose x points the other way.
 
         Raises BadInput for a basis with an odd number of patches in a ring, whose mirror image is another basis.
         """

@@ -36,18 +36,18 @@ class LogTransform:
         as_arrays(self, "mean")
 
     def mean_like(self, values: "Tensor") -> "Tensor":
-        """A (C,) as a tensor of the type and on the device of `values`."""
+        """Return a (C,) as a tensor of the type and on the device of `values`."""
         import torch
 
         return torch.from_numpy(self.mean).to(values)
 
     def of_channels(self, own: slice) -> "LogTransform":
-        """The transform of some of the channels alone."""
+        """Return the transform of some of the channels alone."""
         return LogTransform(self.epsilon, self.mean[own])
 
     @classmethod
     def of(cls, samples: "Samples", epsilon: float) -> "LogTransform":
-        """A as the mean of `samples` over the discs (`brdf.pair_density`), whatever scheme they were drawn by.
+        """Return a as the mean of `samples` over the discs (`brdf.pair_density`), whatever scheme they were drawn by.
 
         The largest part of a channel's mean is at most that of all other samples together. Raises BadInput where ε ≤ 0
         or a channel is zero throughout.
@@ -73,11 +73,11 @@ class LogTransform:
         return cls(epsilon, mean.where(mean > 0, mean.new_ones(())))
 
     def forward(self, values: "Tensor") -> "Tensor":
-        """f̃ (N, C) of values (N, C) in sr⁻¹."""
+        """Return f̃ (N, C) of values (N, C) in sr⁻¹."""
         return (values / self.mean_like(values) + self.epsilon).log()
 
     def inverse(self, logs: "Tensor") -> "Tensor":
-        """Values (N, C) in sr⁻¹, ≥ 0, of logs (N, C).
+        """Return values (N, C) in sr⁻¹, ≥ 0, of logs (N, C).
 
         Logs above `MOST` count as that, so that texels which ran away (few samples, no smoothing) give absurd
         values, which the verdict sees, and not infinite ones, which poison every mean.

@@ -157,7 +157,7 @@ MATERIALS = {item.name: item for item in _MATERIALS}
 
 
 def material(name: str) -> NamedMaterial:
-    """The material called `name`. Raises BadInput naming the nearest one and listing all."""
+    """Return the material called `name`. Raises BadInput naming the nearest one and listing all."""
     if name not in MATERIALS:
         near = get_close_matches(name, MATERIALS, n=1, cutoff=0.4)
         nearest = f" (nearest: {near[0]})" if near else ""

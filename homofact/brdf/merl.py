@@ -58,7 +58,7 @@ class MerlGrid:
         return 2 * math.pi if self.shape[2] == 4 * self.shape[1] else math.pi
 
     def centres(self) -> tuple[Tensor, Tensor, Tensor]:
-        """θh, θd and φd of the bins' centres in radians."""
+        """Return θh, θd and φd of the bins' centres in radians."""
         h, d, p = (torch.arange(n, dtype=torch.float64).add_(0.5).div_(n) for n in self.shape)
         return h**2 * (math.pi / 2), d * (math.pi / 2), p * self.turn
 
@@ -75,7 +75,7 @@ class MerlGrid:
         )
 
     def slabs(self, rows: int = 8) -> Iterator[tuple[slice, Tensor, Tensor]]:
-        """(bins, wi, wo) of `rows` θh at a time: flat bins, and the directions (N, 3) at their centres.
+        """Yield (bins, wi, wo) of `rows` θh at a time: flat bins, and the directions (N, 3) at their centres.
 
         h is in the xz-plane, wi = Ry(θh) d and wo = Ry(θh) d', d' being d at φd + π. Directions may lie under
         the horizon.
@@ -95,13 +95,13 @@ class MerlGrid:
             yield bins, wi.reshape(-1, 3), wo.reshape(-1, 3)
 
     def place(self, wi: Tensor, wo: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Where pairs fall, in bins from each axis' start: fractions, k + ½ at the centre of bin k."""
+        """Return where pairs fall, in bins from each axis' start: fractions, k + ½ at the centre of bin k."""
         theta_h, theta_d, phi_d = _angles(wi, wo)
         h = torch.sqrt(theta_h * (2 / math.pi)) * self.shape[0]
         return h, theta_d * (2 / math.pi) * self.shape[1], torch.remainder(phi_d, self.turn) / self.turn * self.shape[2]
 
     def bins(self, wi: Tensor, wo: Tensor) -> Tensor:
-        """The flat bin (N,) that each pair falls in."""
+        """Return the flat bin (N,) that each pair falls in."""
         h, d, p = (x.floor().long() for x in self.place(wi, wo))
         nh, nd, np_ = self.shape
         return (h.clamp(0, nh - 1) * nd + d.clamp(0, nd - 1)) * np_ + p.clamp(0, np_ - 1)
@@ -160,7 +160,7 @@ class MerlTable:
 
     @answering_in_kind
     def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
-        """BRDF values (N, 3) in sr⁻¹ without the cosine; 0 under the horizon and where nothing was measured."""
+        """Return BRDF values (N, 3) in sr⁻¹ without the cosine; 0 under the horizon and where nothing was measured."""
         above = ((wi[:, 2] >= 0) & (wo[:, 2] >= 0))[:, None]
         values = self._nearest(wi, wo) if self.lookup == "nearest" else self._linear(wi, wo)
         return torch.where(above, values * torch.tensor(SCALES, dtype=torch.float64), 0.0).to(wi)

@@ -48,7 +48,7 @@ class Interpolated:
 
 
 def interpolated(samples: Samples, epsilon: float, wi: Tensor, wo: Tensor) -> Interpolated:
-    """The values of `samples` at pairs of directions (N, 3), by the ε of the logarithm."""
+    """Return the values of `samples` at pairs of directions (N, 3), by the ε of the logarithm."""
     transform = LogTransform.of_values(samples.values.cpu(), epsilon)
     logs = transform.forward(samples.values.cpu()).numpy()
     tree = tree_of(_places(samples.wi.cpu(), samples.wo.cpu(), samples.isotropic))

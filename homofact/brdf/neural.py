@@ -52,7 +52,7 @@ class NeuralBrdf(AnalyticModel):
         return 4 * sum(int(np.prod(tensor.shape)) for tensor in (*self.weights, *self.biases))
 
     def formula(self, wi: "Tensor", wo: "Tensor") -> "Tensor":
-        """The network at the pair's (h, d)."""
+        """Return the network at the pair's (h, d)."""
         layers = [(like(w, wi), like(b, wi)) for w, b in zip(self.weights, self.biases, strict=True)]
         x, library = network_input(wi, wo), namespace(wi)
         for weight, bias in layers[:-1]:
@@ -62,7 +62,7 @@ class NeuralBrdf(AnalyticModel):
 
 
 def network_input(wi: "Tensor", wo: "Tensor") -> "Tensor":
-    """(hx, 0, hz, dx, dy, dz) of the module's head, (N, 6), φd in [0, π)."""
+    """Return (hx, 0, hz, dx, dy, dz) of the module's head, (N, 6), φd in [0, π)."""
     library, h = namespace(wi), normalized(wi + wo)
     tolerance = _IN_PLANE.get(wi.dtype.itemsize, 1e-3)
     sin_h = library.hypot(h[:, 0], h[:, 1])

@@ -35,7 +35,7 @@ _ABOVE = {HIGHLIGHT_WIDTH: 0.9122, RETURN_WIDTH: 0.8785}
 
 
 def scheme_of(samples: Samples) -> str | None:
-    """The scheme that the samples say they were drawn by; None for a measurement."""
+    """Return the scheme that the samples say they were drawn by; None for a measurement."""
     return samples.provenance.get("sampling", {}).get("scheme")
 
 
@@ -55,7 +55,7 @@ def density(scheme: str, wi: Tensor, wo: Tensor) -> Tensor:
 
 
 def draw_lobe(count: int, generator: torch.Generator) -> tuple[Tensor, Tensor]:
-    """`count` pairs (wi, wo), (N, 3) each, of the scheme lobe."""
+    """Return `count` pairs (wi, wo), (N, 3) each, of the scheme lobe."""
     returns, highlights = round(RETURNS * count), round(HIGHLIGHTS * count)
     parts = [
         draw_in_discs(count - highlights - returns, generator, RIM),
@@ -83,13 +83,13 @@ def solid_angles(samples: Samples) -> Tensor:
 
 
 def over_discs(samples: Samples) -> Tensor:
-    """Weights (N,) for means over the discs of pairs that were drawn by lobes; all others count as they are."""
+    """Return weights (N,) for means over the discs of pairs that were drawn by lobes; all others count as they are."""
     shares = disc_shares(samples)
     return samples.weights if shares is None else samples.weights * shares
 
 
 def disc_shares(samples: Samples) -> Tensor | None:
-    """The discs' density over that of the scheme lobe (N,), at most 2; None for samples of any other scheme.
+    """Return the discs' density over that of the scheme lobe (N,), at most 2; None for samples of any other scheme.
 
     By cosine it has no bound, so those pairs count as they are; a measurement states no density.
     """

@@ -33,7 +33,7 @@ class Reflectance(Protocol):
         ...
 
     def evaluate(self, wi: "Tensor", wo: "Tensor") -> "Tensor":
-        """BRDF values (N, C) in sr⁻¹, linear, without the cosine.
+        """Return BRDF values (N, C) in sr⁻¹, linear, without the cosine.
 
         `wi` and `wo` are (N, 3) unit vectors in the surface frame (z the normal, x the tangent), both
         pointing away from the surface. Pairs with a direction under the horizon give 0.
@@ -64,7 +64,7 @@ class Derived:
 
     @answering_in_kind
     def evaluate(self, wi: "Tensor", wo: "Tensor") -> "Tensor":
-        """The base's values (N, C) in sr⁻¹, without the cosine."""
+        """Return the base's values (N, C) in sr⁻¹, without the cosine."""
         return self.base.evaluate(wi, wo)
 
 
@@ -73,12 +73,12 @@ class Exchanged(Derived):
 
     @answering_in_kind
     def evaluate(self, wi: "Tensor", wo: "Tensor") -> "Tensor":
-        """The base's values (N, C) in sr⁻¹ without the cosine for light from ωo and a viewer at ωi."""
+        """Return the base's values (N, C) in sr⁻¹ without the cosine for light from ωo and a viewer at ωi."""
         return self.base.evaluate(wo, wi)
 
 
 def innermost(reflectance: Reflectance) -> Any:
-    """What a chain of `Derived` reflectances is made of."""
+    """Return what a chain of `Derived` reflectances is made of."""
     inner: Any = reflectance
     while hasattr(inner, "base"):
         inner = inner.base

@@ -121,7 +121,7 @@ class AdaptiveTable:
 
     @answering_in_kind
     def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
-        """BRDF values (N, C) in sr⁻¹, ≥ 0, without the cosine; 0 where a direction is under the horizon.
+        """Return BRDF values (N, C) in sr⁻¹, ≥ 0, without the cosine; 0 where a direction is under the horizon.
 
         Negative values (colours outside the gamut) are 0; cosθo below 1e-6 counts as 1e-6.
         """

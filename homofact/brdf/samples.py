@@ -179,13 +179,13 @@ class Samples:
         return int(self.wi.shape[0])
 
     def select(self, index: Tensor) -> "Samples":
-        """The samples at `index` (integer or boolean), in that order."""
+        """Return the samples at `index` (integer or boolean), in that order."""
         clipped = None if self.clipped is None else self.clipped[index]
         parts = {name: getattr(self, name)[index] for name in ("wi", "wo", "values", "weights")}
         return replace(self, **parts, clipped=clipped)
 
     def to(self, device: Any) -> "Samples":
-        """The samples with all tensors on a device, such as "cuda"; themselves where they are there already."""
+        """Return the samples with all tensors on a device, such as "cuda"; themselves where they are there already."""
         if self.wi.device == torch.device(device):
             return self
         names = ("wi", "wo", "values", "weights", "clipped")
@@ -193,7 +193,7 @@ class Samples:
         return replace(self, **{name: part.to(device) for name, part in parts.items() if part is not None})
 
     def channel(self, name: str) -> "Samples":
-        """One channel alone. Raises BadInput naming the channels there are."""
+        """Return one channel alone. Raises BadInput naming the channels there are."""
         if name not in self.channels:
             raise BadInput(where="channel", found=repr(name), expected=f"one of {', '.join(self.channels)}")
         column = slice(self.channels.index(name), self.channels.index(name) + 1)
@@ -201,7 +201,7 @@ class Samples:
         return replace(self, values=self.values[:, column], channels=(name,), clipped=clipped)
 
     def split(self, fraction: float, seed: int) -> tuple["Samples", "Samples"]:
-        """(training, held out): `fraction` of the samples, drawn by `seed`, are held out."""
+        """Return (training, held out): `fraction` of the samples, drawn by `seed`, are held out."""
         if not 0 < fraction < 1:
             raise BadInput(where="held-out fraction", found=fraction, expected="between 0 and 1")
         order = torch.randperm(len(self), generator=torch.Generator().manual_seed(seed))
@@ -213,14 +213,14 @@ class Samples:
         return self.select(order[held:].sort().values), self.select(order[:held].sort().values)
 
     def subset(self, count: int, seed: int) -> "Samples":
-        """At most `count` samples drawn without replacement by `seed`, in their old order."""
+        """Return at most `count` samples, drawn without replacement by `seed`, in their old order."""
         if count >= len(self):
             return self
         order = torch.randperm(len(self), generator=torch.Generator().manual_seed(seed))
         return self.select(order[:count].sort().values)
 
     def turned(self, angles: Tensor, mirrored: Tensor | None = None) -> "Samples":
-        """Each sample turned about the normal by its angle (N,) in radians, after y ↦ −y where `mirrored`."""
+        """Return each sample turned about the normal by its angle (N,) in radians, after y ↦ −y where `mirrored`."""
         sign = torch.ones_like(angles) if mirrored is None else 1.0 - 2.0 * mirrored.to(angles.dtype)
         cos, sin = torch.cos(angles), torch.sin(angles)
 
@@ -231,7 +231,7 @@ class Samples:
         return replace(self, wi=turn(self.wi), wo=turn(self.wo))
 
     def azimuth_copies(self, count: int, seed: int, mirrored: bool = True, most: int = MOST_COPIES) -> "Samples":
-        """`count` copies of every sample, each at its own azimuth, and mirrored ones beside them.
+        """Return `count` copies of every sample, each at its own azimuth, and mirrored ones beside them.
 
         The azimuths are stratified: copy k of a sample is turned by (k + u)·2π/count with u uniform by
         `seed`. Weights are divided by the number of copies, so the sum of weights is unchanged. Where that
@@ -257,7 +257,7 @@ class Samples:
         return replace(tiled.turned(angles, flip), weights=tiled.weights / total, all_azimuths=True)
 
     def rotated_at_random(self, seed: int) -> "Samples":
-        """Every sample at a random azimuth, mirrored or not by chance; anisotropic samples unchanged."""
+        """Return every sample at a random azimuth, mirrored or not by chance; anisotropic samples unchanged."""
         if not self.isotropic:
             return self
         generator = torch.Generator().manual_seed(seed)

@@ -36,7 +36,7 @@ def sample_model(
     radius_squared: float = RADIUS_SQUARED,
     noise_free: bool = True,
 ) -> Samples:
-    """`count` samples of `model`, weights 1; `noise_free` is what provenance["sampling"] says of its values.
+    """Return `count` samples of `model`, weights 1; `noise_free` is what provenance["sampling"] says of its values.
 
     `radius_squared` cuts the rim of the parabolic discs, u² + v² below it, in the scheme `discs` alone. The
     grid's count is the nearest that a square grid in the discs can give, and `seed` does not touch it.
@@ -74,7 +74,7 @@ def sample_model(
 
 
 def grid_side(count: int) -> int:
-    """The side of the square grid whose number of pairs, cells in the disc squared, is nearest to `count`."""
+    """Return the side of the square grid whose number of pairs, cells in the disc squared, is nearest to `count`."""
     side, best, gap = 2, 2, float("inf")
     while True:
         centre = (torch.arange(side, dtype=torch.float64) + 0.5) * (2 / side) - 1

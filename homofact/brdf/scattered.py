@@ -80,7 +80,7 @@ class Scattered:
 
     @answering_in_kind
     def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
-        """BRDF values (N, C) in sr⁻¹, ≥ 0, without the cosine; 0 where a direction is under the horizon."""
+        """Return BRDF values (N, C) in sr⁻¹, ≥ 0, without the cosine; 0 where a direction is under the horizon."""
         above = (wi[:, 2] >= 0) & (wo[:, 2] >= 0)
         values = torch.zeros(wi.shape[0], len(self.channels), dtype=wi.dtype, device=wi.device)
         if not bool(above.any()):
@@ -145,7 +145,7 @@ class Scattered:
 
 
 def made_of_samples(reflectance: Reflectance) -> bool:
-    """Whether it interpolates scattered samples, looking through luminance and single channels.
+    """Return whether it interpolates scattered samples, looking through luminance and single channels.
 
     What it says between and beyond them is then a guess of ours, not of the source.
     """

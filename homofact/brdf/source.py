@@ -57,7 +57,7 @@ class Opening:
 
     @one_thread
     def open(self, path: str | None = None) -> "Source":
-        """The source; from another `path` where one is given. Raises as `open_source`."""
+        """Return the source; from another `path` where one is given. Raises as `open_source`."""
         text = self.path if path is None else path
         kind, single = reading_of(self.channels)
         source = _opened(text, kind, self.count, self.scheme, self.seed)
@@ -114,7 +114,7 @@ def source_of(
     calibrate: Sequence[str] = DEFAULT_CALIBRATE,
     clipped: float | str | None = None,
 ) -> Source:
-    """The source that `given` is or names.
+    """Return the source that `given` is or names.
 
     A path or "material:NAME" is opened as `open_source` does. `Samples`, or a tuple (wi, wo, values) of which they are
     made, are a measurement. `count` pairs of a `Reflectance`, or of a function f(wi, wo) (`brdf.function`), are drawn
@@ -156,7 +156,7 @@ def samples_of(given: Any) -> Samples | None:
 
 
 def reflectance_of(given: Any) -> Reflectance:
-    """A `Reflectance` as it is, or that of a function f(wi, wo). Raises BadInput for anything else."""
+    """Return a `Reflectance` as it is, or that of a function f(wi, wo). Raises BadInput for anything else."""
     if isinstance(given, type) or not (isinstance(given, Reflectance) or callable(given)):
         raise BadInput(
             where="source",
@@ -196,7 +196,7 @@ def open_source(
     calibrate: Sequence[str] = DEFAULT_CALIBRATE,
     clipped: float | str | None = None,
 ) -> Source:
-    """The source that `text` names: material:NAME, or the path of a file whose content is sniffed.
+    """Return the source that `text` names: material:NAME, or the path of a file whose content is sniffed.
 
     `channels` are "rgb", "luminance", "spectral", or one channel's name ("G", "550nm"). `count`, `scheme` and `seed`
     are how a material, or a model in a file, is sampled; a measurement has the samples it has. FILE#NAME picks one
@@ -266,7 +266,7 @@ def measured_epsilon(samples: Samples) -> float:
 
 
 def describe(source: Source) -> dict[str, Any]:
-    """What is in a source, JSON-able: format, units, comments, wavelengths, counts, angles, values, faults.
+    """Return what is in a source, JSON-able: format, units, comments, wavelengths, counts, angles, values, faults.
 
     `units` says what factors were found and undone, `spread_degrees` is `coverage.spread`, and the faults are
     those that the reader met, those of the whole (`faults.evaluated_faults`) and the holes (`coverage.holes`).

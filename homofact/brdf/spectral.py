@@ -40,7 +40,7 @@ _RASTER = np.arange(360.0, 781.0)
 def to_rgb(
     spectra: Tensor, wavelengths: Sequence[float], illuminant: str = ILLUMINANT, clip: bool = True
 ) -> tuple[Tensor, dict[str, Any]]:
-    """Linear sRGB (N, 3) in sr⁻¹ of spectra (N, W) in sr⁻¹ at `wavelengths` in nm, and the facts (JSON-able).
+    """Return linear sRGB (N, 3) in sr⁻¹ of spectra (N, W) in sr⁻¹ at `wavelengths` in nm, and the facts (JSON-able).
 
     Colours outside the gamut have a negative channel: it is set to 0 unless `clip` is false (a picture counts
     and clips what leaves the gamut itself), and facts["clipped"] counts those per channel. Raises BadInput for
@@ -58,7 +58,7 @@ def to_rgb(
 def to_luminance(
     spectra: Tensor, wavelengths: Sequence[float], illuminant: str = ILLUMINANT
 ) -> tuple[Tensor, dict[str, Any]]:
-    """CIE Y (N, 1) in sr⁻¹, 1 for a flat spectrum of 1, and the facts; same errors as `to_rgb`."""
+    """Return CIE Y (N, 1) in sr⁻¹, 1 for a flat spectrum of 1, and the facts; same errors as `to_rgb`."""
     weights = _weights(_checked(spectra, wavelengths), illuminant)
     facts = _facts(wavelengths, illuminant, weights[1])
     facts["space"] = "CIE Y"
@@ -66,7 +66,7 @@ def to_luminance(
 
 
 def xyz_weights(wavelengths: Sequence[float], illuminant: str = ILLUMINANT) -> np.ndarray:
-    """Weights (W, 3) that turn spectra (..., W) into CIE XYZ under an illuminant, without adaptation.
+    """Return weights (W, 3) that turn spectra (..., W) into CIE XYZ under an illuminant, without adaptation.
 
     Their sum over the wavelengths is the illuminant's white, whose Y is 1. Raises BadInput as `to_rgb`.
     """
@@ -114,7 +114,7 @@ class Illuminated(NamedTuple):
 
 @lru_cache(maxsize=8)
 def illuminated(illuminant: str) -> Illuminated:
-    """The tables of an illuminant, of D65 as they are kept. Raises BadInput for a name that is none."""
+    """Return the tables of an illuminant, of D65 as they are kept. Raises BadInput for a name that is none."""
     if illuminant != ILLUMINANT:
         return computed(illuminant)
     kept = json.loads(files("homofact.brdf").joinpath("d65.json").read_text(encoding="utf-8"))
@@ -122,7 +122,7 @@ def illuminated(illuminant: str) -> Illuminated:
 
 
 def computed(illuminant: str) -> Illuminated:
-    """The tables of an illuminant from colour-science. Raises BadInput for a name that is none."""
+    """Return the tables of an illuminant from colour-science. Raises BadInput for a name that is none."""
     import colour  # about a second to load
 
     # CIE 15 calls the fluorescent lamps FL1 to FL12, most others F1 to F12.

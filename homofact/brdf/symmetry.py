@@ -58,7 +58,7 @@ class Symmetry:
 
 
 def find_symmetry(reflectance: Reflectance, limit: float = math.pi / 2, seed: int = 0) -> Symmetry:
-    """Which symmetries a reflectance has, at pairs drawn by `seed` within `limit` ≤ π/2 of the normal."""
+    """Return which symmetries a reflectance has, at pairs drawn by `seed` within `limit` ≤ π/2 of the normal."""
     generator = torch.Generator().manual_seed(seed)
     squeeze = min(limit / (math.pi / 2), 1.0)
     polar = [to_spherical(w) for w in draw_uniform(_PAIRS, generator)]
@@ -126,7 +126,7 @@ def swapped_neighbours(samples: Samples, seed: int = 0) -> Swapped:
 
 
 def reciprocity_of_samples(samples: Samples) -> dict[str, float] | None:
-    """The same of samples against those near their swapped places; None where fewer than ten have one."""
+    """Return the same of samples against those near their swapped places; None where fewer than ten have one."""
     swapped = swapped_neighbours(samples)
     paired = swapped.paired
     if int(paired.sum()) < 10:

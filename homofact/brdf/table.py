@@ -25,7 +25,7 @@ class TableAxis:
             raise BadInput("an axis has no nodes or they do not rise", where="table", expected="rising angles")
 
     def locate(self, x: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """(node below, node above, fraction in [0, 1]) of angles (N,)."""
+        """Return (node below, node above, fraction in [0, 1]) of angles (N,)."""
         n, nodes = len(self.nodes), self.nodes
         if self.periodic:
             x = torch.remainder(x - nodes[0], 2 * math.pi) + nodes[0]
@@ -76,7 +76,7 @@ class AngleTable:
 
     @answering_in_kind
     def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
-        """BRDF values (N, C) in sr⁻¹, without the cosine; 0 where a direction is under the horizon."""
+        """Return BRDF values (N, C) in sr⁻¹, without the cosine; 0 where a direction is under the horizon."""
         above = ((wi[:, 2] >= 0) & (wo[:, 2] >= 0))[:, None]
         flat = self.values.reshape(-1, len(self.channels))
         places = [axis.locate(x) for axis, x in zip(self.axes, self._angles(wi.double(), wo.double()), strict=True)]

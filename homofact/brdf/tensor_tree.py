@@ -54,7 +54,7 @@ class Tree:
         return self.values.nbytes + self.children.nbytes + self.sides.nbytes + self.starts.nbytes
 
     def at(self, place: Tensor) -> Tensor:
-        """Values (N,) at places (N, dimensions) in [0, 1)."""
+        """Return values (N,) at places (N, dimensions) in [0, 1)."""
         place = place.clamp(0, _INSIDE)
         bits = 2 ** torch.arange(self.dimensions)
         node = torch.full((len(place),), len(self.children) - 1 if len(self.children) else -1)
@@ -110,7 +110,7 @@ class TensorTree:
 
     @answering_in_kind
     def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
-        """BRDF values (N, C) in sr⁻¹, without the cosine; 0 where a direction is under the horizon."""
+        """Return BRDF values (N, C) in sr⁻¹, without the cosine; 0 where a direction is under the horizon."""
         above = (wi[:, 2] >= 0) & (wo[:, 2] >= 0)
         light = opposite(planar(wi[above].double(), self.flipped))
         view = planar(wo[above].double(), self.flipped)
@@ -134,7 +134,7 @@ def places(light: Tensor, view: Tensor, dimensions: int) -> Tensor:
 
 
 def to_square(disk: Tensor) -> Tensor:
-    """Points of the unit disk (N, 2) in the unit square, by Shirley and Chiu's map with azimuth −π/4 first."""
+    """Return points of the unit disk (N, 2) in the unit square, by Shirley and Chiu's map with azimuth −π/4 first."""
     radius, phi = torch.hypot(disk[:, 0], disk[:, 1]), torch.atan2(disk[:, 1], disk[:, 0])
     phi = torch.where(phi < -math.pi / 4, phi + 2 * math.pi, phi)
     region = torch.floor((phi + math.pi / 4) / (math.pi / 2)).long().clamp(0, 3)
@@ -145,7 +145,7 @@ def to_square(disk: Tensor) -> Tensor:
 
 
 def to_disk(square: Tensor) -> Tensor:
-    """Points of the unit square (N, 2) in the unit disk: the inverse of `to_square`."""
+    """Return points of the unit square (N, 2) in the unit disk: the inverse of `to_square`."""
     a, b = (2 * square - 1).unbind(1)
     wide = a.abs() > b.abs()
     radius = torch.where(wide, a, b)
@@ -155,7 +155,7 @@ def to_disk(square: Tensor) -> Tensor:
 
 
 def from_yuv(yuv: Tensor) -> Tensor:
-    """Linear sRGB (N, 3) of Y and CIE 1976 u' and v' (N, 3); negative where a colour leaves the gamut."""
+    """Return linear sRGB (N, 3) of Y and CIE 1976 u' and v' (N, 3); negative where a colour leaves the gamut."""
     y, u, v = yuv.unbind(1)
     scale = y / (4 * v.clamp_min(1e-6))
     return from_xyz(torch.stack((9 * u * scale, y, (12 - 3 * u - 20 * v) * scale), 1))

@@ -50,7 +50,7 @@ class Tilt:
     out_of_plane: float = 0.0
 
     def measured(self, wi: Tensor, wo: Tensor) -> tuple[Tensor, Tensor]:
-        """The pairs (N, 3) that the instrument reports for pairs of the surface; the light has azimuth 0."""
+        """Return the pairs (N, 3) that the instrument reports for pairs of the surface; the light has azimuth 0."""
         theta, phi = to_spherical(wi)
         wo = _about_z(wo, -phi)
         angle = theta
@@ -89,7 +89,7 @@ class Straightened(Derived):
 
     @answering_in_kind
     def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
-        """BRDF values (N, C) in sr⁻¹, without the cosine; 0 where a direction is under the horizon."""
+        """Return BRDF values (N, C) in sr⁻¹, without the cosine; 0 where a direction is under the horizon."""
         above = ((wi[:, 2] >= 0) & (wo[:, 2] >= 0))[:, None]
         pairs = self.tilt.measured(wi.double(), wo.double())
         lit, seen = (normalize(w) for w in pairs)
@@ -99,7 +99,7 @@ class Straightened(Derived):
 
 
 def as_measured(reflectance: Reflectance) -> Reflectance | None:
-    """A reflectance with the tilt left in, in the same channels; None where none was undone."""
+    """Return a reflectance with the tilt left in, in the same channels; None where none was undone."""
     if isinstance(reflectance, Straightened):
         return reflectance.base
     if isinstance(reflectance, OneChannel):

@@ -44,11 +44,11 @@ class Tinted:
 
     @answering_in_kind
     def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
-        """Values (N, C) in sr⁻¹ without the cosine, where the tint is 1."""
+        """Return values (N, C) in sr⁻¹ without the cosine, where the tint is 1."""
         return self.tinted.evaluate(wi, wo) + self.plain.evaluate(wi, wo)
 
     def under(self, tint: Tensor, wi: Tensor, wo: Tensor) -> Tensor:
-        """Values (N, C) in sr⁻¹ without the cosine, where the tint is (N, C) or (C,)."""
+        """Return values (N, C) in sr⁻¹ without the cosine, where the tint is (N, C) or (C,)."""
         return self.tinted.evaluate(wi, wo) * tint + self.plain.evaluate(wi, wo)
 
 
@@ -60,7 +60,7 @@ class _Difference(Derived):
 
     @answering_in_kind
     def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
-        """Values (N, C) in sr⁻¹; rounding below 0 is cut."""
+        """Return values (N, C) in sr⁻¹; rounding below 0 is cut."""
         return (self.base.evaluate(wi, wo) - self.other.evaluate(wi, wo)).clamp_min(0)
 
 

@@ -17,12 +17,12 @@ _RGB = ("R", "G", "B")
 
 
 def from_xyz(xyz: Tensor) -> Tensor:
-    """Linear sRGB (..., 3) of CIE XYZ (..., 3) with D65's white; negative where a colour leaves the gamut."""
+    """Return linear sRGB (..., 3) of CIE XYZ (..., 3) with D65's white; negative where a colour leaves the gamut."""
     return xyz @ torch.tensor(FROM_XYZ, dtype=xyz.dtype).T
 
 
 def to_xyz(values: Tensor, channels: Sequence[str]) -> Tensor:
-    """CIE XYZ (N, 3) of values (N, C) in linear sRGB or a spectrum; of one channel alone (N, 1), taken as Y.
+    """Return CIE XYZ (N, 3) of values (N, C) in linear sRGB or a spectrum; of one channel alone (N, 1), taken as Y.
 
     Raises BadInput for other channels, and as `spectral.to_rgb`.
     """
@@ -48,7 +48,7 @@ class CieY(Derived):
 
     @answering_in_kind
     def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
-        """CIE Y (N, 1) in sr⁻¹, without the cosine."""
+        """Return CIE Y (N, 1) in sr⁻¹, without the cosine."""
         xyz = to_xyz(self.base.evaluate(wi, wo), self.base.channels)
         return xyz[:, 1:2] if xyz.shape[1] == 3 else xyz
 

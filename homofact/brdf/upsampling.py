@@ -22,7 +22,7 @@ NODES = (380.0, 430.0, 470.0, 485.0, 495.0, 510.0, 570.0, 585.0, 590.0, 595.0, 6
 
 
 def to_spectra(rgb: Tensor) -> Tensor:
-    """Values (..., 14) at the wavelengths `NODES` of linear sRGB (..., 3), linear between and held beyond them.
+    """Return values (..., 14) at the wavelengths `NODES` of linear sRGB (..., 3), linear between and held beyond them.
 
     Same unit, sr⁻¹ for a BRDF; `brdf.spectral.to_rgb` under D65 gives the RGB again.
     """
@@ -31,7 +31,7 @@ def to_spectra(rgb: Tensor) -> Tensor:
 
 @lru_cache(maxsize=1)
 def basis() -> np.ndarray:
-    """The spectra (14, 3) of R, G and B at `NODES`: between 0 and 1, each row's sum 1."""
+    """Return the spectra (14, 3) of R, G and B at `NODES`: between 0 and 1, each row's sum 1."""
     from colour.recovery import MSDS_BASIS_FUNCTIONS_sRGB_MALLETT2019 as given  # about a second to load
 
     spectra = np.stack([np.interp(NODES, given.wavelengths, given.values[:, k]) for k in range(3)], 1)

@@ -57,7 +57,7 @@ class MarginalConditional:
 
     @classmethod
     def of(cls, density: Tensor) -> "MarginalConditional":
-        """The warp of densities (P, R, C) ≥ 0 of any scale, R, C ≥ 2, each with an integral above 0."""
+        """Return the warp of densities (P, R, C) ≥ 0 of any scale, R, C ≥ 2, each with an integral above 0."""
         density = density.double()
         _, rows, columns = density.shape
         along = _integral(density) / (columns - 1)

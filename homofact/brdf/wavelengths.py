@@ -48,12 +48,12 @@ def colour_wavelengths(wavelengths: Sequence[float], instead: str = _INSTEAD) ->
 
 
 def covers_colours(wavelengths: Sequence[float]) -> bool:
-    """Whether wavelengths in nm, of which there is one, reach from blue to red."""
+    """Return whether wavelengths in nm, of which there is one, reach from blue to red."""
     return min(wavelengths) <= _NEEDED[0] and max(wavelengths) >= _NEEDED[1]
 
 
 def spectrum_of(channels: Sequence[str]) -> tuple[float, ...]:
-    """The wavelengths in nm of channels that are a visible spectrum, as `colour_wavelengths` has them.
+    """Return the wavelengths in nm of channels that are a visible spectrum, as `colour_wavelengths` has them.
 
     Raises BadInput for others.
     """

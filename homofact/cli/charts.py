@@ -56,12 +56,12 @@ def draw_charts(
 
 
 def varied_settings(asked: "CompareSettings") -> dict[str, Any]:
-    """What a chart varies, by the setting of a method: the values that were given, else the usual ones."""
+    """Return what a chart varies, by the setting of a method: the values that were given, else the usual ones."""
     return {name: getattr(asked, name) or usual for name, usual in CHARTED.items()}
 
 
 def charted_methods(settings: "Config") -> "dict[str, Method]":
-    """The methods by label, as the first of a chart's runs has them.
+    """Return the methods by label, as the first of a chart's runs has them.
 
     The values that the chart varies override [fit]. Raises BadInput for counts, sizes or searches if no method has
     such a setting.
@@ -78,7 +78,7 @@ def charted_methods(settings: "Config") -> "dict[str, Method]":
 
 
 def compared_methods(settings: "Config") -> "dict[str, Method]":
-    """The methods by label, for a comparison without a chart.
+    """Return the methods by label, for a comparison without a chart.
 
     Raises BadInput for several counts of textures, sizes or searches, which only a chart takes.
     """

@@ -104,7 +104,7 @@ def _show_textures(found: "EditedTextures", out: Path, screen: Screen) -> None:
 
 
 def part_table(parts: "tuple[PartError, ...]") -> Table:
-    """A line a part: what is stored of it, and how far off all bands it is."""
+    """Return a line a part: what is stored of it, and how far off all bands it is."""
     table = plain_table()
     add_names(table)
     add_figures(table, "pixels", "bands", "rank", "low rank against all bands")
@@ -116,6 +116,6 @@ def part_table(parts: "tuple[PartError, ...]") -> Table:
 
 
 def light_line(record: dict[str, Any]) -> str:
-    """How far off the triangles and the bands are, in each view."""
+    """Return how far off the triangles and the bands are, in each view."""
     errors = ", ".join(f"{view} {error:.2%}" for view, error in record["error"]["lights_and_bands"].items())
     return f"{record['triangles']} triangles of light and the bands, against a finer division: {errors} (relative RMS)"

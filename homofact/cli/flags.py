@@ -14,7 +14,7 @@ _COMMANDS = {"fit": "factorize", "terms": "research terms"}
 
 
 def option(advice: Advice) -> str:
-    """The option of a setting with its value; the whole command where it is not the one that was run."""
+    """Return the option of a setting with its value; the whole command where it is not the one that was run."""
     flag = advice.setting.replace("_", "-")
     if isinstance(advice.value, bool):
         words = f"--{flag}" if advice.value else f"--no-{flag}"
@@ -31,6 +31,6 @@ def _command(function: str, given: str | None) -> str:
 
 
 def with_options(text: str) -> str:
-    """A text of the library with the options and commands for all that it advises."""
+    """Return a text of the library with the options and commands for all that it advises."""
     text = _FUNCTION.sub(lambda match: _command(match[1], match[2]), text)
     return _ADVICE.sub(lambda match: option(Advice(match[2], ast.literal_eval(match[3]), match[1] or "")), text)

@@ -9,7 +9,7 @@ LEAST_NAME = 24
 
 
 def plain_table(title: str | None = None) -> Table:
-    """An empty table with a rule under its header, its title at the left."""
+    """Return an empty table with a rule under its header, its title at the left."""
     return Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
 
 
@@ -28,7 +28,7 @@ def add_figures(table: Table, *headers: str) -> None:
 
 
 def hanging(line: str, indent: int) -> Table:
-    """A line that wraps under its text: what comes after the first `indent` characters."""
+    """Return a line that wraps under its text: what comes after the first `indent` characters."""
     grid = Table.grid()
     grid.add_column(no_wrap=True, width=indent)
     grid.add_column(overflow="fold")

@@ -64,7 +64,7 @@ class _Command(TyperCommand):
     """A command whose --help-all is its --help, unless it hides options and has a --help-all of its own."""
 
     def get_help_option_names(self, ctx: Any) -> list[str]:
-        """The words that ask for help, always in the same order."""
+        """Return the words that ask for help, always in the same order."""
         own = {word for each in self.params for word in each.opts}
         return [word for word in ("--help", "-h", "--help-all") if word not in own]
 
@@ -105,11 +105,11 @@ class _Group(TyperGroup):
         self.commands: Any = _Commands(self.rows)
 
     def list_commands(self, ctx: Any) -> list[str]:
-        """The names in the order of the help."""
+        """Return the names in the order of the help."""
         return list(self.commands)
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
-        """The command of a name. Raises BadInput for the name of an older version."""
+        """Return the command of a name. Raises BadInput for the name of an older version."""
         if cmd_name in _RENAMED and cmd_name not in self.commands:
             raise BadInput("no command of this version", where=cmd_name, hint=f"now: {_RENAMED[cmd_name]}")
         return super().get_command(ctx, cmd_name)
@@ -128,7 +128,7 @@ class _ResearchGroup(_Group):
     rows = RESEARCH
 
     def get_help_option_names(self, ctx: Any) -> list[str]:
-        """The words that ask for help, as for a command."""
+        """Return the words that ask for help, as for a command."""
         return ["--help", "-h", "--help-all"]
 
 

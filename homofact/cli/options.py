@@ -93,7 +93,7 @@ _LONG = 20
 
 
 def configured(*keys: str, but: tuple[str, ...] = ()) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """A command with the options of the configuration's `keys`, without those in `but`.
+    """Return a command with the options of the configuration's `keys`, without those in `but`.
 
     A key is dotted ("evaluate.held_out"), a section's name for all that is in it, or "seed". The command's first
     parameter is the `config.Config`; its own arguments come before the options, its own options after them.
@@ -183,7 +183,7 @@ class Grown:
         return " (all methods)" if set(METHODS) <= set(methods) else f" ({', '.join(methods)})"
 
     def given(self, value: Any) -> Any:
-        """A value of the command line as the configuration has it; None where it was not given."""
+        """Return a value of the command line as the configuration has it; None where it was not given."""
         if isinstance(value, str):
             return self._first.from_text(value)
         return (tuple(value) or None) if isinstance(value, list) else value
@@ -203,7 +203,7 @@ def _told(declared: Declared) -> str:
 
 
 def shown_default(declared: Declared) -> str:
-    """A default in words; nothing for one that is simply absent."""
+    """Return a default in words; nothing for one that is simply absent."""
     value = declared.default
     if value is None:
         return declared.option.none

@@ -38,7 +38,7 @@ def choice_table(plans: "Sequence[ObjectPlan]", reflected: float) -> Table:
 
 
 def name_with_material(name: str, material: str) -> str:
-    """An object's name with its material's, unless a part of a glTF file has the material of its own name."""
+    """Return an object's name with its material's, unless a part of a glTF file has the material of its own name."""
     if material.endswith(f"#{name}"):
         return name
     return f"{name}, {Path(material.removeprefix(MATERIAL_PREFIX)).name}"

@@ -36,7 +36,7 @@ def choice_table(found: "ScenePlan") -> Table:
 
 
 def headline(found: "ScenePlan") -> str:
-    """What the whole scene takes, and under which tolerance and lighting."""
+    """Return what the whole scene takes, and under which tolerance and lighting."""
     textures = sum(
         0 if plan.walk.choice is None else plan.walk.choice.textures for plan in found.distinct if plan.outcome
     )
@@ -99,13 +99,13 @@ def evidence_table(found: "ScenePlan") -> Table:
 
 
 def name_of(each: "MaterialPlan") -> Text:
-    """The material's name, with the width of its object where the scene gives one."""
+    """Return the material's name, with the width of its object where the scene gives one."""
     pixels = each.material.pixels
     return Text(each.name if pixels is None else f"{each.name}, {pixels} pixels")
 
 
 def in_words(candidate: "Candidate") -> str:
-    """A representation for someone who ships it: "2 textures of 16², 8 bits (search)"."""
+    """Return a representation for someone who ships it: "2 textures of 16², 8 bits (search)"."""
     if candidate.is_colour:
         return "one colour"
     bits = "8 bits" if candidate.texel_bytes == 1 else "floats"

@@ -59,7 +59,7 @@ class ProgressLines:
 
 
 def duration(seconds: float) -> str:
-    """Seconds below two minutes, else minutes, or hours and minutes: as exact as an estimate is."""
+    """Return seconds below two minutes, else minutes, or hours and minutes: as exact as an estimate is."""
     if seconds < 120:
         return f"{math.ceil(seconds)} s"
     minutes = math.ceil(seconds / 60)

@@ -61,7 +61,7 @@ def relight(
 
 
 def likeness_line(found: Mapping[str, Any]) -> str:
-    """How near the whole picture is, in a line."""
+    """Return how near the whole picture is, in a line."""
     width, height = found["pixels"]
     looks = [f"PSNR {found['psnr']:.1f} dB"] if "psnr" in found else []
     looks += [f"FLIP {found['flip']:.3f}"] if "flip" in found else []
@@ -95,7 +95,7 @@ def object_table(objects: "tuple[RelitObject, ...]") -> Table:
 
 
 def error_tables(objects: Sequence[Mapping[str, Any]]) -> list[Table]:
-    """One line per stage: relative RMS errors of each object's light, as seen from the first camera.
+    """Return one line per stage: relative RMS errors of each object's light, as seen from the first camera.
 
     Several tables where the objects are more than a narrow terminal has room for.
     """

@@ -39,7 +39,7 @@ class _Console(Console):
         super().__init__(stderr=stderr, highlight=False, markup=False, emoji=False)
 
     def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterator[Segment]:
-        """The segments of what is printed; only rich's own control what the terminal does."""
+        """Yield the segments of what is printed; only rich's own control what the terminal does."""
         for segment in super().render(renderable, options):
             yield segment if segment.control else Segment(harmless(segment.text, keep="\n"), segment.style)
 
@@ -81,7 +81,7 @@ class Screen:
 
     @contextmanager
     def progress(self) -> Iterator[Progress]:
-        """What shows the steps of a call: its notes, and on stderr a bar, or lines, while the block runs."""
+        """Return what shows the steps of a call: its notes, and on stderr a bar, or lines, while the block runs."""
         terminal = self._err.is_terminal
         if self.quiet or (not terminal and (self.as_json or os.environ.get(PROGRESS) == "0")):
             yield self._say
@@ -117,7 +117,7 @@ class Screen:
 
     @contextmanager
     def bar(self) -> Iterator[ProgressSteps]:
-        """The stages of a command, shown as `progress` shows them."""
+        """Return the stages of a command, shown as `progress` shows them."""
         with self.progress() as show:
             yield ProgressSteps(show)
 

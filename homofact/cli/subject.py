@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def source_of(settings: "Config") -> "SourceSettings":
-    """The configured source. Raises BadInput where there is none."""
+    """Return the configured source. Raises BadInput where there is none."""
     if settings.source.path is None:
         raise BadInput("none given", where="SOURCE", expected="a file or material:NAME (or path under [source])")
     return settings.source

@@ -83,7 +83,7 @@ def sweep(
 
 
 def summary_table(rows: "Sequence[FitRow]") -> Table:
-    """A line a method: how many fits, and medians over them."""
+    """Return a line a method: how many fits, and medians over them."""
     from homofact.sweeps.summary import by_label, middle
 
     table = plain_table("Medians")

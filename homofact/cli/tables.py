@@ -49,7 +49,7 @@ def _deviation(spread: Mapping[str, float | None]) -> str:
 
 
 def appearance_tables(records: Mapping[str, Mapping[str, Any]]) -> list[Table]:
-    """What an eye would say of every labelled record, means of several seeds; none where no record has it."""
+    """Return what an eye would say of every labelled record, means of several seeds; none where no record has it."""
     found = {label: record["appearance"] for label, record in records.items() if record["appearance"] is not None}
     if not found:
         return []
@@ -72,7 +72,7 @@ def _opinion_tables(found: Mapping[str, Mapping[str, Any]]) -> list[Table]:
 
 
 def chart_grades(records: Sequence[Mapping[str, Any]]) -> list[Table]:
-    """The grade that people would give each point of a chart; none where the source is known only at samples."""
+    """Return the grade that people would give each point of a chart; none where the source is known only at samples."""
     graded = [each for each in records if (each["appearance"] or {}).get("opinion") is not None]
     several = len({each["search"] for each in graded if each["search"]}) > 1
     scores = {
@@ -103,7 +103,7 @@ def grade_table(scores: Mapping[str, float]) -> Table | None:
 
 
 def cost_table(records: Mapping[str, Mapping[str, Any]]) -> Table:
-    """What every labelled record's evaluation and fit cost, and how the fit ended; means of several seeds."""
+    """Return what every labelled record's evaluation and fit cost, and how the fit ended; means of several seeds."""
     table = plain_table("Cost")
     add_names(table)
     add_figures(table, "textures", "bytes", "fetches", "evals", "fit s", "total s")
@@ -123,7 +123,7 @@ def cost_table(records: Mapping[str, Mapping[str, Any]]) -> Table:
 
 
 def stored_table(errors: Mapping[str, Mapping[str, Any]], part: str) -> Table:
-    """What storing a fit cost: its errors on `part` of the samples, and how far its logarithms moved."""
+    """Return what storing a fit cost: its errors on `part` of the samples, and how far its logarithms moved."""
     words = {"held_out": "held out", "source": "of the source"}[part]
     table = plain_table(f"Error ({words}; mae in sr⁻¹; moved: RMS of the logarithms from those fitted)")
     add_names(table)
@@ -136,7 +136,10 @@ def stored_table(errors: Mapping[str, Mapping[str, Any]], part: str) -> Table:
 
 
 def metric_tables(values: Mapping[str, Mapping[str, float | None]]) -> list[Table]:
-    """A line a metric, a column a fit, held out; without the six, which have their own table. Five fits a table."""
+    """Return a line a metric, a column a fit, held out; without the six, which have their own table.
+
+    Five fits a table.
+    """
     from homofact.evaluation.metric_table import METRICS, SIX
 
     names = [name for name in next(iter(values.values()), {}) if name not in SIX]
@@ -185,7 +188,7 @@ def mean_table(rows: "Sequence[MeanRow]") -> Table:
 
 
 def chart_table(title: str, records: Sequence[Mapping[str, Any]], base: float | None) -> Table:
-    """One line a point: its held-out Cole error, that as a share of `base` (McCool's), its cost, how it ended.
+    """Return one line a point: its held-out Cole error, that as a share of `base` (McCool's), its cost, how it ended.
 
     A record of several seeds has its means and the standard deviation of the error.
     """
@@ -214,7 +217,7 @@ def chart_table(title: str, records: Sequence[Mapping[str, Any]], base: float | 
 
 
 def facts_table(title: str, facts: Mapping[str, Any]) -> Table:
-    """Names and values, without those that are empty; values wrap in their column."""
+    """Return names and values, without those that are empty; values wrap in their column."""
     table = plain_table(title)
     table.show_header = False
     add_names(table)
@@ -226,7 +229,7 @@ def facts_table(title: str, facts: Mapping[str, Any]) -> Table:
 
 
 def words(value: Any, inner: bool = False) -> str:
-    """A value of a description, for people: a mapping a line an entry, and on one line inside another."""
+    """Return a value of a description, for people: a mapping a line an entry, and on one line inside another."""
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, float):

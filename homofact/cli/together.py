@@ -26,7 +26,7 @@ def show_together(found: "TogetherResult", screen: Screen) -> None:
 
 
 def cluster_table(record: dict[str, Any]) -> Table:
-    """Bytes and held-out log errors of each cluster, under shared projections and alone."""
+    """Return bytes and held-out log errors of each cluster, under shared projections and alone."""
     from homofact.evaluation.wording import figure
 
     table = plain_table("Held-out log mse and bytes (float32): shared projections, and alone")
@@ -43,7 +43,7 @@ def cluster_table(record: dict[str, Any]) -> Table:
 
 
 def total_line(record: dict[str, Any]) -> str:
-    """The sums, in one line."""
+    """Return the sums, in one line."""
     from homofact.evaluation.wording import figure
 
     shared, alone = record["shared"], record["alone"]
@@ -54,7 +54,7 @@ def total_line(record: dict[str, Any]) -> str:
 
 
 def noise_table(record: dict[str, Any]) -> Table:
-    """The noise of directions drawn by homofact_sample for each label, by the viewer's angle."""
+    """Return the noise of directions drawn by homofact_sample for each label, by the viewer's angle."""
     table = plain_table("Relative variance of one sample of homofact_sample (of one by the cosine), viewer at")
     add_figures(table, "label", *(f"{each['angle']:.0f}°" for each in record["clusters"][0]["noise"]))
     for label, cluster in enumerate(record["clusters"]):
@@ -63,7 +63,7 @@ def noise_table(record: dict[str, Any]) -> Table:
 
 
 def basis_tables(figures: dict[str, Any]) -> list[Table]:
-    """Errors and bytes per material by the number of directions, and those of textures of their own."""
+    """Return errors and bytes per material by the number of directions, and those of textures of their own."""
     from homofact.evaluation.wording import figure
 
     count = len(figures["materials"])

@@ -60,7 +60,7 @@ def figures_line(verdict: "Verdict") -> str:
 
 
 def brief_lines(verdicts: Mapping[str, "Verdict"]) -> list[str]:
-    """One line per fit: its label, how far it may be off, and what widens its error bars, by name."""
+    """Return one line per fit: its label, how far it may be off, and what widens its error bars, by name."""
     width = max(map(len, verdicts))
     return [
         f"Verdict on {f'{label}:':{width + 1}} {verdict.summary}"
@@ -70,12 +70,15 @@ def brief_lines(verdicts: Mapping[str, "Verdict"]) -> list[str]:
 
 
 def names_of(text: str) -> tuple[str, ...]:
-    """The findings that --refuse names, joined by +."""
+    """Return the findings that --refuse names, joined by +."""
     return tuple(name.strip() for name in text.split("+")) if text else ()
 
 
 def strictness(text: str) -> bool | float:
-    """What --strict says: nothing, the usual threshold, or a probability. Raises BadInput for what is no number."""
+    """Return what --strict says: nothing, the usual threshold, or a probability.
+
+    Raises BadInput for what is no number.
+    """
     if text in ("", USUAL):
         return bool(text)
     try:
@@ -85,6 +88,6 @@ def strictness(text: str) -> bool | float:
 
 
 def noted(finding: "Finding") -> str:
-    """A finding by name in a line, with the setting to try and what it costs."""
+    """Return a finding by name in a line, with the setting to try and what it costs."""
     advice = f" ({finding.advice})" if finding.advice else ""
     return f"{finding.name}: {finding.line()}{advice}" + (f"; {finding.costs}" if finding.costs else "")

@@ -57,7 +57,7 @@ def encode_bc6h(pixels: np.ndarray, name: str = "BC6H") -> bytes:
 
 
 def decode_bc6h(data: bytes, rows: int, columns: int, name: str = "BC6H") -> np.ndarray:
-    """Texels float16 (rows, columns, 3) of BC6H signed blocks, as a GPU's sampler finds them.
+    """Return texels float16 (rows, columns, 3) of BC6H signed blocks, as a GPU's sampler finds them.
 
     Raises BadInput, named `name`, for sides that are no multiples of 4, a wrong number of bytes, and blocks of
     two regions, which `encode_bc6h` does not write.

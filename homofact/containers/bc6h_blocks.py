@@ -52,7 +52,7 @@ def spread(endpoints: np.ndarray, bits: np.ndarray) -> np.ndarray:
 
 
 def palette(first: np.ndarray, second: np.ndarray, bits: np.ndarray) -> np.ndarray:
-    """The 16 colours float16 (N, 16, 3) of blocks with these endpoints (N, 3) of `bits` (N,) bits."""
+    """Return the 16 colours float16 (N, 16, 3) of blocks with these endpoints (N, 3) of `bits` (N,) bits."""
     wide = bits[:, None]
     low, high = spread(first, wide)[:, None], spread(second, wide)[:, None]
     weights = WEIGHTS[:, None]
@@ -90,7 +90,7 @@ def pack(modes: np.ndarray, first: np.ndarray, second: np.ndarray, indices: np.n
 
 
 def unpack(data: bytes, name: str = "BC6H") -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """(modes, first, second, indices) of blocks, as `pack` takes them.
+    """Return (modes, first, second, indices) of blocks, as `pack` takes them.
 
     Raises BadInput for a block of another mode (two regions, or reserved); `name` is for messages.
     """

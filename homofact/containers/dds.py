@@ -74,7 +74,7 @@ def write_dds_cube(path: str | os.PathLike[str], levels: Sequence[np.ndarray]) -
 
 
 def read_dds(path: str | os.PathLike[str], layers: int = 1) -> np.ndarray:
-    """The texels float16 of a file that this module wrote: (rows, columns, 4), or (rows, columns, 3) for BC6H.
+    """Return the texels float16 of a file that this module wrote: (rows, columns, 4), or (rows, columns, 3) for BC6H.
 
     Those of an array of `layers` have them one under another. Raises BadInput for a file that cannot be read, is no
     such DDS, has another number of layers, or is truncated or padded.

@@ -19,7 +19,7 @@ _LONGEST_NAME = 255  # bytes, of up to four a letter
 
 
 def exr_channel_names(channels: Sequence[str]) -> tuple[str, ...]:
-    """What the channels are called in an EXR: Y for a single one, else their own names.
+    """Return what the channels are called in an EXR: Y for a single one, else their own names.
 
     A full stop would make a layer of what stands before it, so 400.5nm becomes 400,5nm. A name that is too long for the
     file keeps its beginning, behind its number.
@@ -83,12 +83,12 @@ def write_channels(path: str | os.PathLike[str], stored: np.ndarray, names: Sequ
 
 
 def read_exr(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
-    """The channels (rows, columns) of an EXR by name, row 0 the first scanline. Raises BadInput."""
+    """Return the channels (rows, columns) of an EXR by name, row 0 the first scanline. Raises BadInput."""
     return decode_exr(read_bytes(path, "an EXR file"), str(path))
 
 
 def decode_exr(data: bytes, name: str) -> dict[str, np.ndarray]:
-    """The channels (rows, columns) of a single-part EXR file's bytes, row 0 on top, in their stored type.
+    """Return the channels (rows, columns) of a single-part EXR file's bytes, row 0 on top, in their stored type.
 
     Raises BadInput for a file that cannot be decoded; `name` is for messages.
     """

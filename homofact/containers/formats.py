@@ -105,7 +105,7 @@ class Format:
     def read(
         self, path: _Place, channels: int | None = None, names: Sequence[str] | None = None, layers: int = 1
     ) -> np.ndarray:
-        """Texels (layers · rows, columns, C) of `dtype`, row 0 on top, as a sampler finds them at texel centres.
+        """Return texels (layers · rows, columns, C) of `dtype`, row 0 on top, as a sampler finds them at texel centres.
 
         C is `channels`: 1 takes red of a file that holds more. Without it, all that the file holds. `names` are
         the channels of an EXR in their order (else as `write` calls them, or sorted). Raises BadInput for a
@@ -138,7 +138,7 @@ class Format:
 
 
 def format_named(name: str) -> Format:
-    """The format of that name. Raises BadInput that lists the names."""
+    """Return the format of that name. Raises BadInput that lists the names."""
     if name not in FORMATS:
         raise BadInput(f"texture format {name!r}", expected=f"one of {', '.join(FORMATS)}")
     return FORMATS[name]

@@ -31,7 +31,7 @@ _MOST_SHIFT = 24
 
 
 def decode_hdr(data: bytes, name: str) -> np.ndarray:
-    """Linear radiance (rows, columns, 3) float64, row 0 on top, of a file's bytes; `name` is for messages.
+    """Return linear radiance (rows, columns, 3) float64, row 0 on top, of a file's bytes; `name` is for messages.
 
     Raises BadInput for bytes that are no Radiance picture, another colour format (XYZE) or orientation,
     truncated or left-over scanline data, and run lengths that leave their scanline.

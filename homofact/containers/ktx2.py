@@ -83,7 +83,7 @@ def write_ktx2_cube(
 
 
 def read_ktx2(path: str | os.PathLike[str], layers: int = 1) -> np.ndarray:
-    """The texels float16 (rows, columns, 4) of a texture that this module wrote.
+    """Return the texels float16 (rows, columns, 4) of a texture that this module wrote.
 
     Those of an array of `layers` have them one under another. Raises BadInput for a file that cannot be read, is no
     such KTX2, has another number of layers, or is truncated or padded.

@@ -36,7 +36,7 @@ def finite_pixels(path: str | os.PathLike[str], pixels: np.ndarray, dtype: type[
 
 
 def layer_rows(path: str | os.PathLike[str], rows: int, layers: int) -> int:
-    """Rows of each of `layers` that stand one under another. Raises BadInput where they are not alike."""
+    """Return rows of each of `layers` that stand one under another. Raises BadInput where they are not alike."""
     if layers < 1 or rows % layers:
         raise BadInput(where=path, found=f"{rows} rows", expected=f"as many in each of {layers} layers")
     return rows // layers

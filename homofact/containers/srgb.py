@@ -4,5 +4,5 @@ import numpy as np
 
 
 def decode_srgb(encoded: np.ndarray) -> np.ndarray:
-    """Linear values, 0 to 1, of encoded ones, 0 to 1."""
+    """Return linear values, 0 to 1, of encoded ones, 0 to 1."""
     return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)

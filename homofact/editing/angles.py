@@ -78,7 +78,7 @@ def power_angle(s: Tensor, component: int) -> Tensor:
 
 
 def tilt(s: Tensor, component: int) -> Tensor:
-    """θx (component 0) or θy (1) of vectors along h."""
+    """Return θx (component 0) or θy (1) of vectors along h."""
     return torch.atan2(s[..., component].abs(), s[..., 2].clamp_min(0))
 
 

@@ -57,7 +57,7 @@ class Basis:
 
 
 def product_of(curves: Sequence[Tensor]) -> np.ndarray:
-    """The coefficients (C, J·K), float64, of one curve (J, C) or of two."""
+    """Return the coefficients (C, J·K), float64, of one curve (J, C) or of two."""
     value = curves[0].numpy().T.astype(np.float64)
     if len(curves) == 2:
         value = (value[:, :, None] * curves[1].numpy().T[:, None, :]).reshape(len(value), -1)
@@ -89,7 +89,7 @@ def trial_edits(curves: Sequence[Tensor]) -> list[list[Tensor]]:
 
 
 def basis_of(blocks: np.ndarray, channels: np.ndarray, curves: Sequence[Tensor], tolerance: float = TOLERANCE) -> Basis:
-    """The basis of rows (S, J·K), some pixels' bands in the channels of these numbers (S,), as curves start."""
+    """Return the basis of rows (S, J·K), some pixels' bands in the channels of these numbers (S,), as curves start."""
     scale = scale_of(curves)
     rows = blocks * scale[channels].astype(np.float32)
     start = _starts(product_of(curves) / scale)

@@ -39,7 +39,7 @@ class BlockFloats:
         return self.codes.nbytes + self.rows.nbytes + self.columns.nbytes
 
     def values(self, some: np.ndarray | slice = slice(None)) -> np.ndarray:
-        """The numbers (P, M, r) of all rows or of some, float32."""
+        """Return the numbers (P, M, r) of all rows or of some, float32."""
         return self.codes[some] * self.rows[some][..., None] * self.columns
 
     def times(self, vectors: np.ndarray) -> np.ndarray:

@@ -35,7 +35,7 @@ class EditMaterial:
 def open_edit_materials(
     file: EditSceneFile, stage: Stage | None = None, fits: FileFits | None = None
 ) -> tuple[EditMaterial, ...]:
-    """The materials of the objects and of the ground, with their curves.
+    """Return the materials of the objects and of the ground, with their curves.
 
     Raises BadInput for what cannot be read, curves that a material cannot have, and a name that is there twice.
     """
@@ -92,7 +92,7 @@ def _with_curves(
 def editable(
     reflectance: Reflectance, name: str, curves: str | tuple[str, ...] = OWN, bands: tuple[int, ...] | None = None
 ) -> Editable:
-    """A reflectance with curves as a scene file asks for them. Raises BadInput for a wrong number of bands."""
+    """Return a reflectance with curves as a scene file asks for them. Raises BadInput for a wrong number of bands."""
     own = models.own_curves(reflectance)
     if isinstance(curves, tuple) or (curves == OWN and own is None):
         angles = curves if isinstance(curves, tuple) else _ANGLES

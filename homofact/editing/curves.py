@@ -33,7 +33,7 @@ class Curve(Protocol):
         ...
 
     def at(self, gamma: Tensor) -> Tensor:
-        """Values (N, C) at angles (N,) in radians."""
+        """Return values (N, C) at angles (N,) in radians."""
         ...
 
 
@@ -46,12 +46,12 @@ class Formula:
     words: str = ""
 
     def at(self, gamma: Tensor) -> Tensor:
-        """Values (N, C) at angles (N,) in radians."""
+        """Return values (N, C) at angles (N,) in radians."""
         return self.function(gamma)
 
 
 def flat(channels: int, level: float = 1.0) -> Formula:
-    """The curve that is `level` everywhere."""
+    """Return the curve that is `level` everywhere."""
     return Formula(lambda gamma: torch.full((*gamma.shape, channels), level, dtype=gamma.dtype), channels, "constant")
 
 
@@ -71,7 +71,7 @@ class Knots:
         return int(self.values.shape[1])
 
     def at(self, gamma: Tensor) -> Tensor:
-        """Values (N, C) at angles (N,) in radians."""
+        """Return values (N, C) at angles (N,) in radians."""
         number, share = hat(gamma, len(self.values))
         values = self.values.to(gamma)
         found = torch.lerp(values[number], values[number + 1], share[:, None])
@@ -79,7 +79,7 @@ class Knots:
 
 
 def hat(gamma: Tensor, knots: int) -> tuple[Tensor, Tensor]:
-    """(lower knot (N,) int64, share (N,) of the next) of angles among `knots` equal steps from 0 to π/2."""
+    """Return (lower knot (N,) int64, share (N,) of the next) of angles among `knots` equal steps from 0 to π/2."""
     place = (gamma / RIGHT_ANGLE * (knots - 1)).clamp(0, knots - 1)
     number = place.floor().to(torch.int64).clamp_max(knots - 2)
     return number, place - number
@@ -119,7 +119,7 @@ class Bands:
         return int(self.values.shape[0])
 
     def at(self, gamma: Tensor) -> Tensor:
-        """Values (N, C) at angles (N,) in radians."""
+        """Return values (N, C) at angles (N,) in radians."""
         return self.values.to(gamma)[band_of(gamma, self.count, self.finer)]
 
 
@@ -130,24 +130,24 @@ def band_place(gamma: Tensor, count: int, finer: bool = False) -> Tensor:
 
 
 def band_of(gamma: Tensor, count: int, finer: bool = False) -> Tensor:
-    """The band (N,) int64 that each angle lies in; what is outside [0, π/2] counts to the nearest."""
+    """Return the band (N,) int64 that each angle lies in; what is outside [0, π/2] counts to the nearest."""
     return band_place(gamma, count, finer).floor().to(torch.int64).clamp_max(count - 1)
 
 
 def band_edges(count: int, finer: bool = False) -> Tensor:
-    """The J + 1 edges in radians."""
+    """Return the J + 1 edges in radians."""
     share = torch.arange(count + 1, dtype=torch.float64) / count
     return RIGHT_ANGLE * (share**2 if finer else share)
 
 
 def band_centres(count: int, finer: bool = False) -> Tensor:
-    """The J centres in radians."""
+    """Return the J centres in radians."""
     edges = band_edges(count, finer)
     return (edges[:-1] + edges[1:]) / 2
 
 
 def banded(curve: Curve, count: int, finer: bool = False) -> Bands:
-    """The curve's mean over each of `count` bands (appendix B), by 8 Gauss-Legendre nodes a band.
+    """Return the curve's mean over each of `count` bands (appendix B), by 8 Gauss-Legendre nodes a band.
 
     Bands of the same number and kind stay as they are; the means of others are exact.
     """

@@ -49,7 +49,7 @@ def write_curves(path: str | os.PathLike[str], materials: Sequence[Editable], cu
 
 
 def read_curves(path: str | os.PathLike[str], materials: Sequence[Editable]) -> dict[Address, Bands]:
-    """The curves of these materials in a file.
+    """Return the curves of these materials in a file.
 
     Raises BadInput, one line, for a file that is none, of other channels, with a material, term or curve that is not
     there or stands twice, an angle that is not the curve's, and values that are empty, of the wrong number, negative or

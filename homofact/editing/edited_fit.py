@@ -50,7 +50,7 @@ class EditedFit:
     row: ComparisonRow | None = None
 
     def words(self) -> str:
-        """One line for people."""
+        """Return one line for people."""
         if self.row is None:
             ways = " and ".join(dict.fromkeys(each.way for each in self.applied))
             made = f"taken into the textures of the fit ({ways})"
@@ -62,7 +62,7 @@ class EditedFit:
 def chosen_material(
     materials: Sequence[EditMaterial], curves: Mapping[Address, Bands], name: str | None = None
 ) -> tuple[EditMaterial, dict[Place, Bands]]:
-    """The material that curves change, or that of `name`, and those of its curves that are not as they start.
+    """Return the material that curves change, or that of `name`, and those of its curves that are not as they start.
 
     Raises BadInput where they change none, or several and none is named, and for a name that is not there.
     """

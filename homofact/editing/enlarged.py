@@ -42,7 +42,7 @@ class Enlarged:
 
 
 def enlarged(prepared: PreparedScene, view: int, values: Tensor, times: int = 4) -> Enlarged:
-    """The picture of `values` (P, C), radiance of a view's covered pixels, at `times` as many pixels a side."""
+    """Return the picture of `values` (P, C), radiance of a view's covered pixels, at `times` as many pixels a side."""
     scene, camera = prepared.scene, prepared.scene.cameras[view]
     width, height = camera.pixels
     finer = replace(camera, pixels=(width * times * _RAYS, height * times * _RAYS))
@@ -64,7 +64,7 @@ def enlarged(prepared: PreparedScene, view: int, values: Tensor, times: int = 4)
 
 
 def sky_behind(lighting: Lighting, directions: np.ndarray, channels: int) -> np.ndarray:
-    """Radiance (N, C) of a lighting's maps in world directions (N, 3): 0 of directional lights alone."""
+    """Return radiance (N, C) of a lighting's maps in world directions (N, 3): 0 of directional lights alone."""
     found = np.zeros((len(directions), channels))
     for light in lighting.lights:
         if isinstance(light, EnvironmentMap):

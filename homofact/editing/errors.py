@@ -38,7 +38,7 @@ class PartError:
 
 
 def rank_errors(prepared: PreparedScene) -> tuple[PartError, ...]:
-    """The low rank's error of every part, by its probes."""
+    """Return the low rank's error of every part, by its probes."""
     curves, found = starting_curves(prepared), []
     for part in prepared.parts:
         if isinstance(part.transport, LowRank):

@@ -36,7 +36,7 @@ class Albedo:
         return max(max(row) for row in self.values)
 
     def warning(self) -> str | None:
-        """One line where more comes back than falls in, beyond what the sum is good for."""
+        """Return one line where more comes back than falls in, beyond what the sum is good for."""
         if self.largest <= 1 + SLACK:
             return None
         angle, row = max(zip(self.degrees, self.values, strict=True), key=lambda pair: max(pair[1]))
@@ -54,7 +54,7 @@ def furnace_nodes(degrees: float) -> Iterator[tuple[Tensor, Tensor, Tensor]]:
 
 
 def albedo_of(reflectance: Reflectance) -> Albedo:
-    """The furnace's albedo of a reflectance."""
+    """Return the furnace's albedo of a reflectance."""
     rows = []
     for degrees in DEGREES:
         total = torch.zeros(len(reflectance.channels), dtype=torch.float64)

@@ -100,7 +100,7 @@ class _Tree:
         self.leaves: list[tuple[int, int, int]] = []
 
     def middle(self, a: int, b: int) -> int:
-        """The number of the middle of an edge."""
+        """Return the number of the middle of an edge."""
         key = (min(a, b), max(a, b))
         if key not in self.middle_of:
             total = self.vertices[a] + self.vertices[b]
@@ -109,13 +109,13 @@ class _Tree:
         return self.middle_of[key]
 
     def children(self, triangle: tuple[int, int, int]) -> list[tuple[int, int, int]]:
-        """The four, the middle one last."""
+        """Return the four, the middle one last."""
         a, b, c = triangle
         ab, bc, ca = self.middle(a, b), self.middle(b, c), self.middle(c, a)
         return [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]
 
     def corners(self, triangle: tuple[int, int, int]) -> np.ndarray:
-        """(3, 3)."""
+        """Return (3, 3)."""
         return np.stack([self.vertices[k] for k in triangle])
 
     def add_small(self, axis: np.ndarray, solid_angle: float) -> None:
@@ -133,7 +133,7 @@ class _Tree:
         self.leaves.append((first, first + 1, first + 2))
 
     def lights(self, radiance: np.ndarray) -> TriangleLights:
-        """The leaves with their radiances (M, C), but those without light."""
+        """Return the leaves with their radiances (M, C), but those without light."""
         lit = np.asarray(radiance.any(1))
         leaves = [leaf for leaf, each in zip(self.leaves, lit, strict=True) if each]
         middles = [(self.middle(b, c), self.middle(c, a), self.middle(a, b)) for a, b, c in leaves]
@@ -159,7 +159,7 @@ class _Tree:
 
 
 def triangle_solid_angles(corners: np.ndarray) -> np.ndarray:
-    """Steradians (M,) of spherical triangles with unit corners (M, 3, 3) (Van Oosterom and Strackee 1983)."""
+    """Return steradians (M,) of spherical triangles with unit corners (M, 3, 3) (Van Oosterom and Strackee 1983)."""
     a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
     volume = np.abs((a * np.cross(b, c)).sum(1))
     return 2 * np.arctan2(volume, 1 + (a * b).sum(1) + (b * c).sum(1) + (c * a).sum(1))

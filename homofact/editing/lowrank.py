@@ -55,11 +55,11 @@ class LowRank:
         return self.coefficients.nbytes + self.outward.nbytes + self.scale.nbytes
 
     def picture(self, curves: Sequence[Tensor]) -> Tensor:
-        """R (P, C), float64."""
+        """Return R (P, C), float64."""
         return torch.from_numpy(self.coefficients.times(self._held(curves))).to(torch.float64)
 
     def frozen(self, active: int, curves: Sequence[Tensor]) -> Tensor:
-        """T (P, C, J or K) of the active curve."""
+        """Return T (P, C, J or K) of the active curve."""
         vectors = self._vectors(active, curves)
         return torch.einsum("pcr,crj->pcj", torch.from_numpy(self.coefficients.values()), vectors)
 
@@ -76,7 +76,7 @@ class LowRank:
         return found
 
     def error(self, curves: Sequence[Tensor]) -> float:
-        """Relative RMS of R over the probes: against all their bands."""
+        """Return relative RMS of R over the probes: against all their bands."""
         exact = self.probes.picture(curves).numpy()
         found = np.einsum("pcr,cr->pc", self.coefficients.values(self.rows), self._held(curves))
         size = float((exact**2).mean())

@@ -57,7 +57,7 @@ class Slot:
         return self.angle in PEAKED
 
     def banded(self, curve: Curve) -> Bands:
-        """A curve in the bands of this place."""
+        """Return a curve in the bands of this place."""
         return banded(curve, self.bands, self.finer)
 
 
@@ -102,7 +102,7 @@ class EditableTerm:
         return tuple(slot for slot in self.slots if slot.in_sum)
 
     def slot(self, name: str) -> Slot:
-        """The slot of that name. Raises BadInput for a curve that the term does not have."""
+        """Return the slot of that name. Raises BadInput for a curve that the term does not have."""
         for slot in self.slots:
             if slot.name == name:
                 return slot
@@ -145,7 +145,7 @@ class Editable:
         return tuple((term.name, slot.name) for term in self.terms for slot in term.slots)
 
     def term(self, name: str) -> EditableTerm:
-        """The term of that name. Raises BadInput for one that the material does not have."""
+        """Return the term of that name. Raises BadInput for one that the material does not have."""
         for term in self.terms:
             if term.name == name:
                 return term
@@ -153,15 +153,15 @@ class Editable:
         raise BadInput(f"has no term {name!r}", where=self.name, expected=f"one of {known}")
 
     def slot(self, place: Place) -> Slot:
-        """The slot at (term, curve). Raises BadInput for a curve that the material does not have."""
+        """Return the slot at (term, curve). Raises BadInput for a curve that the material does not have."""
         return self.term(place[0]).slot(place[1])
 
     def banded_start(self) -> dict[Place, Bands]:
-        """Every curve as it starts, in its bands."""
+        """Return every curve as it starts, in its bands."""
         return {place: self.slot(place).banded(self.slot(place).start) for place in self.places}
 
     def checked(self, place: Place, curve: Bands) -> Bands:
-        """The curve, fit for that place: as many bands are made finer near 0 where the place has them so.
+        """Return the curve, fit for that place: as many bands are made finer near 0 where the place has them so.
 
         Raises BadInput for another number of bands or channels, and a curve that is 0 everywhere.
         """
@@ -174,7 +174,7 @@ class Editable:
         return slot.banded(curve)
 
     def edited(self, curves: "Mapping[Place, Curve]") -> "Edited":
-        """The material with these curves as a `Reflectance`; places that are not named stay as they start."""
+        """Return the material with these curves as a `Reflectance`; places that are not named stay as they start."""
         for place in curves:
             self.slot(place)
         return Edited(self, dict(curves))
@@ -208,7 +208,7 @@ class Edited:
 
     @answering_in_kind
     def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
-        """BRDF values (N, C) in sr⁻¹, ≥ 0, without the cosine; 0 where a direction is under the horizon."""
+        """Return BRDF values (N, C) in sr⁻¹, ≥ 0, without the cosine; 0 where a direction is under the horizon."""
         above, wi, wo = above_horizon(wi, wo)
         total = torch.zeros(len(wi), len(self.channels), dtype=wi.dtype)
         for term in self.material.terms:

@@ -110,7 +110,7 @@ def blinn_phong(model: BlinnPhong, name: str = "Blinn-Phong", bands: tuple[int] 
 
 
 def torrance_sparrow(model: TorranceSparrow, name: str = "Torrance-Sparrow", bands: tuple[int] = (256,)) -> Editable:
-    """The Gaussian over θh, with a slider for its width sigma in radians."""
+    """Return the Gaussian over θh, with a slider for its width sigma in radians."""
     count = len(model.channels)
     width = Sliders({"sigma": model.sigma}, lambda sigma: starts.facet_gaussian(sigma, count), "facet_gaussian")
     return _one_lobe(model, name, "theta_h", width, bands[0])
@@ -141,7 +141,7 @@ def ward(model: Ward, name: str = "Ward", bands: tuple[int, ...] | None = None) 
 
 
 def lafortune(model: Lafortune, name: str = "Lafortune", bands: tuple[int] = (256,)) -> Editable:
-    """A term for each lobe, "lobe 1" and so on: a curve that starts at 1, with a slider that narrows the lobe.
+    """Return a term for each lobe, "lobe 1" and so on: a curve that starts at 1, with a slider that narrows the lobe.
 
     Lobes with Cxy < 0 lie about the mirror direction and have the curve over θr; the others throw light back, and have
     it over θd.
@@ -201,7 +201,7 @@ _OWN: dict[type, OwnCurves] = {
 
 
 def own_curves(reflectance: Reflectance) -> OwnCurves | None:
-    """How a reflectance gets the curves of its own model; None where it is none of these models."""
+    """Return how a reflectance gets the curves of its own model; None where it is none of these models."""
     if isinstance(reflectance, Ward):
         return OwnCurves(ward, 1 if reflectance.isotropic else 2)
     return _OWN.get(type(reflectance))

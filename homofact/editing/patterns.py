@@ -78,7 +78,7 @@ class Squares:
 
 
 def open_pattern(words: str, size: float, channels: int, textured: bool) -> PicturePattern | Wood | Squares:
-    """A pattern by its name or a picture's file. `textured`: whether the mesh has texture coordinates.
+    """Return a pattern by its name or a picture's file. `textured`: whether the mesh has texture coordinates.
 
     Raises BadInput for a picture that cannot be read, on a mesh without texture coordinates, or of other channels than
     red, green and blue.

@@ -15,7 +15,7 @@ Curves = Mapping[Address, Bands]
 
 
 def starting_curves(prepared: PreparedScene) -> dict[Address, Bands]:
-    """Every curve of every material as it starts."""
+    """Return every curve of every material as it starts."""
     found = {}
     for material in prepared.scene.materials:
         for place, bands in material.banded_start().items():
@@ -30,7 +30,7 @@ def summed_curves(part: PreparedTerm, material: Editable, curves: Curves) -> lis
 
 
 def factor_of(part: PreparedTerm, material: Editable, curves: Curves) -> Tensor:
-    """What multiplies a part's sum (P, C) or (1, C): curves over θo, and its pattern."""
+    """Return what multiplies a part's sum (P, C) or (1, C): curves over θo, and its pattern."""
     factor = torch.ones(1, len(material.channels), dtype=torch.float64)
     for slot in material.term(part.term).slots:
         if slot.also_outgoing or not slot.in_sum:
@@ -39,13 +39,13 @@ def factor_of(part: PreparedTerm, material: Editable, curves: Curves) -> Tensor:
 
 
 def part_picture(prepared: PreparedScene, part: PreparedTerm, curves: Curves) -> Tensor:
-    """R (P, C) of one part, in its rows of the view's pixels."""
+    """Return R (P, C) of one part, in its rows of the view's pixels."""
     material = prepared.scene.objects[part.object].material
     return part.transport.picture(summed_curves(part, material, curves)) * factor_of(part, material, curves)
 
 
 def radiance(prepared: PreparedScene, view: int, curves: Curves) -> Tensor:
-    """R (P, C), float64, of the covered pixels of a view."""
+    """Return R (P, C), float64, of the covered pixels of a view."""
     total = torch.zeros(len(prepared.pixels[view]), len(prepared.scene.channels), dtype=torch.float64)
     for part in prepared.parts:
         if part.view == view:
@@ -54,7 +54,7 @@ def radiance(prepared: PreparedScene, view: int, curves: Curves) -> Tensor:
 
 
 def image(prepared: PreparedScene, view: int, values: Tensor) -> tuple[Tensor, Tensor]:
-    """(radiance (H, W, C), coverage (H, W)) of values (P, C) of a view's covered pixels."""
+    """Return (radiance (H, W, C), coverage (H, W)) of values (P, C) of a view's covered pixels."""
     width, height = prepared.scene.cameras[view].pixels
     picture = torch.zeros(height * width, values.shape[1], dtype=torch.float64)
     coverage = torch.zeros(height * width, dtype=torch.float64)

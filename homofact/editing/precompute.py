@@ -140,7 +140,7 @@ class _Work:
                     self.progress(min(1.0, self.done / self.total))
 
     def block(self, pixels: VisiblePixels, edited: EditObject) -> list[np.ndarray]:
-        """Every term's block (P, C, J·K) float64."""
+        """Return every term's block (P, C, J·K) float64."""
         begins, numbers = visible_lights(pixels, self.lights, self.meshes)
         owner = np.repeat(np.arange(len(pixels)), np.diff(begins))
         found, known = [], {}
@@ -160,7 +160,7 @@ class _Work:
 
 
 def visible_lights(pixels: VisiblePixels, lights: TriangleLights, meshes: MeshGroup) -> tuple[np.ndarray, np.ndarray]:
-    """(begins (P + 1,), numbers (S,)) of the lights that each pixel sees by a ray to their centres."""
+    """Return (begins (P + 1,), numbers (S,)) of the lights that each pixel sees by a ray to their centres."""
     normals = pixels.frames[:, 2]
     above = normals @ lights.centres.T > 0
     pixel, light = np.nonzero(above)

@@ -31,7 +31,7 @@ class LightPoints:
 
     @classmethod
     def of(cls, lights: TriangleLights, divided: int) -> "LightPoints":
-        """The centres of what triangles are divided into, at the middles of their edges."""
+        """Return the centres of what triangles are divided into, at the middles of their edges."""
         corners = lights.vertices[lights.triangles][:, None]
         for _ in range(divided):
             middles = corners[:, :, [1, 2, 0]] + corners[:, :, [2, 0, 1]]
@@ -83,7 +83,7 @@ def enough_points(
     material: Editable,
     term: EditableTerm,
 ) -> LightPoints:
-    """The points that these pixels need, pixel p under the lights numbers[begins[p] … begins[p + 1]]."""
+    """Return the points that these pixels need, pixel p under the lights numbers[begins[p] … begins[p + 1]]."""
     owner = np.repeat(np.arange(len(pixels)), np.diff(begins))
     before, chosen = None, LightPoints.of(lights, 0)
     for divided in range(MOST_DIVIDED + 1):

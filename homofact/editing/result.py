@@ -131,7 +131,7 @@ def open_edit(place: Path, stage: Stage | None = None) -> EditResult:
 
 
 def read_report(place: Path) -> tuple[EditSceneFile, dict[str, Any]]:
-    """(the scene, the report) of a folder, without what was precomputed. Raises BadInput as `open_edit`."""
+    """Return (the scene, the report) of a folder, without what was precomputed. Raises BadInput as `open_edit`."""
     if not PREPARED.is_at(place):
         raise BadInput(where=place, found=f"no {PREPARED.mark} in it", expected=_EXPECTED)
     folder = _folder(place)

@@ -121,7 +121,7 @@ class EditSceneFile:
     suns: tuple[SunTable, ...] = ()
 
     def light(self) -> Lighting:
-        """The lighting with the suns beside it. Raises BadInput as `LightTable.lighting`."""
+        """Return the lighting with the suns beside it. Raises BadInput as `LightTable.lighting`."""
         own = self.lighting.lighting(Path())
         if not self.suns:
             return own
@@ -130,7 +130,7 @@ class EditSceneFile:
         return Lighting(own.name, (*own.lights, *(sun.light() for sun in self.suns)), words)
 
     def record(self, folder: Path) -> dict[str, Any]:
-        """The file's table again, JSON-able, with paths relative to `folder`: `scene_of_record` reads it."""
+        """Return the file's table again, JSON-able, with paths relative to `folder`: `scene_of_record` reads it."""
 
         def relative(text: str | None) -> str | None:
             if text is None or text in BUILT_IN or text.startswith((SHAPE_PREFIX, MATERIAL_PREFIX)):
@@ -156,7 +156,7 @@ class EditSceneFile:
 
 
 def read_edit_scene(path: str | Path) -> EditSceneFile:
-    """The scene in a TOML file.
+    """Return the scene in a TOML file.
 
     Raises BadInput for a file that cannot be read, unknown keys, wrong types and values, and for meshes, sources and
     environments that are not there.
@@ -168,7 +168,10 @@ def read_edit_scene(path: str | Path) -> EditSceneFile:
 
 
 def scene_of_record(table: dict[str, Any], name: str, folder: Path, place: str) -> EditSceneFile:
-    """The scene of a table whose paths are relative to `folder`; `place` goes before every message. Raises BadInput."""
+    """Return the scene of a table whose paths are relative to `folder`; `place` goes before every message.
+
+    Raises BadInput.
+    """
     found = read_table(EditSceneTable, table, place)
     try:
         objects, ground = found_tables(found.object, found.ground, folder)

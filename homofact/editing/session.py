@@ -52,7 +52,7 @@ class Session:
         }
 
     def material(self, name: str) -> Editable:
-        """The material of that name. Raises BadInput for one that is not in the scene."""
+        """Return the material of that name. Raises BadInput for one that is not in the scene."""
         materials = self.prepared.scene.materials
         for material in materials:
             if material.name == name:
@@ -111,7 +111,7 @@ class Session:
         self.set(self._kept[name])
 
     def picture(self, view: int) -> Tensor:
-        """R (P, C), float64, of the covered pixels of a view."""
+        """Return R (P, C), float64, of the covered pixels of a view."""
         prepared, curves = self.prepared, self._states[self._now]
         if not 0 <= view < len(prepared.pixels):
             raise BadInput(where="view", found=f"number {view}", expected=f"0 to {len(prepared.pixels) - 1}")
@@ -128,13 +128,13 @@ class Session:
         return total
 
     def edited(self, name: str) -> Edited:
-        """A material with its curves as they are, as a `Reflectance`."""
+        """Return a material with its curves as they are, as a `Reflectance`."""
         material = self.material(name)
         own = {address[1:]: curve for address, curve in self.curves.items() if address[0] == name}
         return material.edited(own)
 
     def albedo(self, name: str) -> Albedo:
-        """The white furnace's albedo of a material as it is now; `warning()` of it says where it exceeds 1."""
+        """Return the white furnace's albedo of a material as it is now; `warning()` of it says where it exceeds 1."""
         return albedo_of(self.edited(name))
 
     def stroke(self, address: Address) -> "Stroke":
@@ -181,7 +181,7 @@ class Stroke:
         return max((part.update(terms) for part in self.parts.values()), default=0)
 
     def picture(self, view: int) -> Tensor:
-        """R (P, C) as far as it is updated; curves over θo and what multiplies a part are exact at once."""
+        """Return R (P, C) as far as it is updated; curves over θo and what multiplies a part are exact at once."""
         session = self.session
         total = session.picture(view)
         curves = session.curves

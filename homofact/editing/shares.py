@@ -18,7 +18,7 @@ _STEPS = 1024
 
 @lru_cache(maxsize=8)
 def band_table(count: int, finer: bool = False) -> tuple[np.ndarray, np.ndarray]:
-    """(y at the J + 1 edges of the bands, the band (steps,) that each step of y from 0 to √2 begins in)."""
+    """Return (y at the J + 1 edges of the bands, the band (steps,) that each step of y from 0 to √2 begins in)."""
     edges = 2 * np.sin(band_edges(count, finer).numpy() / 2)
     looked = np.searchsorted(edges, np.arange(_STEPS) * (edges[-1] / _STEPS), side="right") - 1
     return edges, np.clip(looked, 0, count - 1)
@@ -65,7 +65,7 @@ def put_four(y: np.ndarray, n: int, t: np.ndarray) -> None:  # pragma: no cover 
 
 @kernel(error_model="numpy", forceinline=True)
 def band_at(y: float, edges: np.ndarray, looked: np.ndarray) -> int:  # pragma: no cover (compiled)
-    """The band that y lies in; what is outside counts to the nearest."""
+    """Return the band that y lies in; what is outside counts to the nearest."""
     last = len(edges) - 2
     if y >= edges[last]:
         return last
@@ -77,7 +77,7 @@ def band_at(y: float, edges: np.ndarray, looked: np.ndarray) -> int:  # pragma: 
 
 @kernel(error_model="numpy", forceinline=True)
 def value_range(y: np.ndarray, n: int) -> tuple[float, float]:  # pragma: no cover (compiled)
-    """The least and the greatest of the six values in row n."""
+    """Return the least and the greatest of the six values in row n."""
     low, high = y[n, 0], y[n, 0]
     for k in range(1, 6):
         low, high = min(low, y[n, k]), max(high, y[n, k])
@@ -86,7 +86,7 @@ def value_range(y: np.ndarray, n: int) -> tuple[float, float]:  # pragma: no cov
 
 @kernel(error_model="numpy", forceinline=True)
 def bend(y: np.ndarray, n: int) -> float:  # pragma: no cover (compiled)
-    """How far the middles are from the means of their edges' ends at most."""
+    """Return how far the middles are from the means of their edges' ends at most."""
     off = abs(y[n, 3] - 0.5 * (y[n, 1] + y[n, 2]))
     off = max(off, abs(y[n, 4] - 0.5 * (y[n, 0] + y[n, 2])))
     return max(off, abs(y[n, 5] - 0.5 * (y[n, 0] + y[n, 1])))
@@ -96,7 +96,7 @@ def bend(y: np.ndarray, n: int) -> float:  # pragma: no cover (compiled)
 def alike(
     t: np.ndarray, first: int, last: int, edges: np.ndarray, sizes: np.ndarray, m: int
 ) -> bool:  # pragma: no cover (compiled)
-    """Whether the shares below all edges are alike, of the whole (row 4) and of its four together."""
+    """Return whether the shares below all edges are alike, of the whole (row 4) and of its four together."""
     for band in range(first + 1, last + 1):
         parts = 0.0
         for k in range(4):

@@ -65,12 +65,12 @@ def cosine_power(exponent: float, channels: int) -> Formula:
 
 
 def phong_lobe(exponent: float, channels: int) -> Formula:
-    """(n + 2)/2π cosⁿθr of `Phong`, n the `exponent` ≥ 0."""
+    """Return (n + 2)/2π cosⁿθr of `Phong`, n the `exponent` ≥ 0."""
     return _cosine_lobe(exponent, (exponent + 2) / (2 * math.pi), channels, "Phong")
 
 
 def blinn_lobe(exponent: float, channels: int) -> Formula:
-    """(n + 2)(n + 4)/(8π(2^(−n/2) + n)) cosⁿθh of `BlinnPhong`, n the `exponent` ≥ 0."""
+    """Return (n + 2)(n + 4)/(8π(2^(−n/2) + n)) cosⁿθh of `BlinnPhong`, n the `exponent` ≥ 0."""
     scale = (exponent + 2) * (exponent + 4) / (8 * math.pi * (2 ** (-exponent / 2) + exponent))
     return _cosine_lobe(exponent, scale, channels, "Blinn-Phong")
 

@@ -34,7 +34,7 @@ _MOST, _UNIT = 1e15, 1.0 + 1e-3
 
 
 def digest_of(scene: EditScene, triangles: int) -> str:
-    """What tells one scene from another (SHA-256, hexadecimal)."""
+    """Return what tells one scene from another (SHA-256, hexadecimal)."""
     digest = hashlib.sha256()
 
     def tell(*values: object) -> None:
@@ -107,7 +107,7 @@ def write_prepared(path: str | os.PathLike[str], prepared: PreparedScene, triang
 
 
 def read_prepared(path: str | os.PathLike[str], scene: EditScene) -> PreparedScene:
-    """What `write_prepared` wrote of this scene.
+    """Return what `write_prepared` wrote of this scene.
 
     Raises BadInput for a file that is none or damaged, and one of another scene, light, view or material.
     """

@@ -78,18 +78,18 @@ class Edit:
         return torch.lerp(logs[number], logs[number + 1], (place - number)[..., None])
 
     def log_of_pairs(self, wi: Tensor, wo: Tensor) -> Tensor:
-        """What is to be added to the logarithm of f at pairs (N, 3), (N, C)."""
+        """Return what is to be added to the logarithm of f at pairs (N, 3), (N, C)."""
         found = self.log_at(angle(self.angle, wi, wo))
         return found + self.log_at(angle("theta_o", wi, wo)) if self.also_outgoing else found
 
     def record(self) -> dict[str, Any]:
-        """The edit, JSON-able."""
+        """Return the edit, JSON-able."""
         kind = {"finer": True} if self.ratio.finer else {}
         return {"angle": self.angle, "also_outgoing": self.also_outgoing, "ratio": self.ratio.values.tolist()} | kind
 
     @classmethod
     def of_record(cls, record: dict[str, Any]) -> "Edit":
-        """The edit of a record; those of earlier builds have equal bands."""
+        """Return the edit of a record; those of earlier builds have equal bands."""
         ratio = torch.tensor(record["ratio"], dtype=torch.float64)
         return cls(record["angle"], Bands(ratio, bool(record.get("finer", False))), record["also_outgoing"])
 
@@ -110,14 +110,14 @@ class AppliedEdit:
     clamped: float
 
     def words(self) -> str:
-        """One line for people."""
+        """Return one line for people."""
         more = f", {self.by_epsilon:.2%} of it by epsilon" if self.by_epsilon > 1e-4 else ""
         cut = f"; {self.clamped:.2%} of the pairs are cut at zero" if self.clamped else ""
         return f"{self.way}: relative RMS {self.rms:.2%}{more}; logarithms off by {self.log_rms:.2g}{cut}"
 
 
 def edits_of(material: Editable, curves: Mapping[Place, Bands]) -> tuple[Edit, ...]:
-    """The edits that take a one-term material's start to these curves; places that are not named stay.
+    """Return the edits that take a one-term material's start to these curves; places that are not named stay.
 
     Raises BadInput for a material of several terms, whose edits are no factor of f.
     """
@@ -166,7 +166,7 @@ def apply_edit(fit: Factorization, edit: Edit, way: str | None = None, refine: i
 
 
 def undo_edit(fit: Factorization) -> Factorization:
-    """The fit without its last edit. Raises BadInput where it has none, and for a record that is none."""
+    """Return the fit without its last edit. Raises BadInput where it has none, and for a record that is none."""
     records = fit.provenance.get(PROVENANCE, [])
     if not records:
         raise BadInput("the fit has no edit", where="undo", expected="one that was edited")

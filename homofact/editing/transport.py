@@ -34,12 +34,12 @@ class FullTransport:
         return self.table.nbytes
 
     def picture(self, curves: Sequence[Tensor]) -> Tensor:
-        """R (P, C), float64."""
+        """Return R (P, C), float64."""
         held = self.frozen(0, curves).to(torch.float64)
         return torch.einsum("pcj,jc->pc", held, curves[0].to(torch.float64))
 
     def frozen(self, active: int, curves: Sequence[Tensor]) -> Tensor:
-        """T (P, C, J or K) of the active curve."""
+        """Return T (P, C, J or K) of the active curve."""
         check_curves(self.bands, int(self.table.shape[1]), curves)
         table = torch.from_numpy(self.table)
         if self.curves == 1:
@@ -48,7 +48,7 @@ class FullTransport:
         return torch.einsum("pcjk,kc->pcj" if active == 0 else "pcjk,jc->pck", table, held)
 
     def wavelets(self, active: int, curves: Sequence[Tensor]) -> Tensor:
-        """S T (C, J or K, P) float32 of the active curve."""
+        """Return S T (C, J or K, P) float32 of the active curve."""
         return transformed(self.frozen(active, curves)).permute(1, 2, 0).contiguous()
 
 

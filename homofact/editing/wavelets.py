@@ -94,7 +94,7 @@ class Incremental:
         return bool(torch.equal(self.perfect, self.effective))
 
     def update(self, terms: int = TERMS) -> int:
-        """One frame: add the `terms` largest coefficients that are lacking; how many of them there were.
+        """Return one frame: add the `terms` largest coefficients that are lacking; how many of them there were.
 
         A coefficient counts once for all channels, by the largest of them.
         """
@@ -114,7 +114,7 @@ class Incremental:
         self.shown = self.full()
 
     def full(self) -> Tensor:
-        """The whole sum (P, C), float64, of what is wanted."""
+        """Return the whole sum (P, C), float64, of what is wanted."""
         curve = self.perfect.to(self.transport)
         return torch.stack([curve[:, c] @ self.transport[c] for c in range(curve.shape[1])], 1).to(torch.float64)
 

@@ -50,7 +50,7 @@ Figures = Mapping[str, float | None]
 
 
 def mean_figures(several: Sequence[Figures]) -> dict[str, float | None]:
-    """The mean of each of the numbers of several appearances, None where one of them has none."""
+    """Return the mean of each of the numbers of several appearances, None where one of them has none."""
     means: dict[str, float | None] = {}
     for name in LIGHT:
         values = [float(value) for figures in several if (value := figures[name]) is not None]
@@ -105,7 +105,7 @@ class Appearance:
         return {name: value if math.isfinite(value) else None for name, value in values.items()}
 
     def record(self) -> dict[str, Any]:
-        """A JSON-able dictionary; what is infinite is None."""
+        """Return a JSON-able dictionary; what is infinite is None."""
         off = {"off_light": self.off_light, "off_sky": self.off_sky}
         seen = {} if self.opinion is None else self.opinion.record()
         numbers = {name: x if math.isfinite(x) else None for name, x in off.items()}
@@ -136,13 +136,13 @@ class _SourceAppearance:
         self.values = source.reflectance.evaluate(*self.pairs).to(torch.float64)
 
     def draw(self, reflectance: Reflectance) -> tuple[SphereImage, SphereImage, SphereImage]:
-        """The sphere under the lamp, under the sky, and under the study's light."""
+        """Return the sphere under the lamp, under the sky, and under the study's light."""
         lamp = render_sphere(reflectance, DEFAULT_LIGHT, PIXELS, to_rgb=self.to_rgb)
         under = fixed_pictures(reflectance, self.to_rgb)
         return lamp, under.sky, under.study
 
     def against(self, fit: Reflectance) -> Appearance:
-        """The figures of a fit."""
+        """Return the figures of a fit."""
         energy = self.light.errors(fit)
         (lamp, sky, study), (own_lamp, own_sky, own_study) = self.draw(fit), self.pictures
         by_lamp = _psnr(own_lamp, lamp, choose_exposure(own_lamp), "srgb")
@@ -153,7 +153,7 @@ class _SourceAppearance:
         return Appearance(energy, by_lamp, by_sky, self.explained(fit), measured, off[0], off[1], seen)
 
     def explained(self, fit: Reflectance) -> float | None:
-        """What the fit explains of the logarithms of the source."""
+        """Return what the fit explains of the logarithms of the source."""
         transform = getattr(fit, "transform", None)
         if transform is None:
             return None

@@ -83,7 +83,7 @@ class EvaluatedPairs:
 
 
 def male(judged: EvaluatedPairs) -> float:
-    """Mean absolute logarithmic error: mean |log(1 + f cosθi) − log(1 + f̂ cosθi)| (Sztrajman et al. 2021)."""
+    """Return mean absolute logarithmic error: mean |log(1 + f cosθi) − log(1 + f̂ cosθi)| (Sztrajman et al. 2021)."""
     return float(judged.log_differences.abs().mean())
 
 
@@ -96,7 +96,7 @@ def stated_density(samples: Samples) -> str:
 
 
 def uniform_weights(samples: Samples) -> Tensor:
-    """What each sample counts (N,), sum 1, for a mean over both hemispheres as the module's head says."""
+    """Return what each sample counts (N,), sum 1, for a mean over both hemispheres as the module's head says."""
     weights = samples.weights if scheme_of(samples) is None else solid_angles(samples)
     return weights / weights.sum()
 
@@ -152,7 +152,7 @@ def reciprocity(judged: EvaluatedPairs) -> float:
 
 
 def largest_albedo(judged: EvaluatedPairs) -> float:
-    """The largest directional-hemispherical albedo ∫ f̂ cosθo dωo of the fit, over channels and θi of 0…75°.
+    """Return the largest directional-hemispherical albedo ∫ f̂ cosθo dωo of the fit, over channels and θi of 0…75°.
 
     By a quadrature over half vectors (`brdf.quality.faults.albedo`); anisotropic ones are lit along x and along y.
     """
@@ -174,7 +174,7 @@ def albedo_error(judged: EvaluatedPairs) -> float:
 
 
 def band_error(low: float, high: float, of: str = "theta_i") -> Callable[[EvaluatedPairs], float]:
-    """`male` of the samples with low ≤ θ < high in degrees, θ that of the light or ("theta_h") the half vector.
+    """Return `male` of the samples with low ≤ θ < high in degrees, θ that of the light or ("theta_h") the half vector.
 
     The last band holds 90° itself. NaN where it holds no sample.
     """

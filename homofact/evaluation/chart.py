@@ -90,7 +90,7 @@ def plan(
 
 
 def identity(source: Source, digest: str, run: Run, held_out: float, where: str) -> Identity:
-    """The identity of `run` on a source whose samples have this digest, on the machine `where`."""
+    """Return the identity of `run` on a source whose samples have this digest, on the machine `where`."""
     settings = run.settings
     if settings.epsilon is None:
         settings = replace(settings, epsilon=source.default_epsilon)
@@ -101,7 +101,7 @@ def identity(source: Source, digest: str, run: Run, held_out: float, where: str)
 
 
 def finished(run: Run, row: ComparisonRow, held_out: float, wanted: Identity) -> ChartRow:
-    """The line of a run that ended with `row`."""
+    """Return the line of a run that ended with `row`."""
     return ChartRow(
         source=row.source,
         label=run.label,
@@ -138,7 +138,7 @@ def found_rows(source: Source, runs: Sequence[Run], ledger: ChartLedger, held_ou
 def estimate_charts(
     charts: Sequence[tuple[Source, ChartLedger]], runs: Sequence[Run], held_out: float = HELD_OUT
 ) -> TimeEstimate:
-    """How long it takes to run `runs` on every source, one after the other; what its ledger has is done."""
+    """Return how long it takes to run `runs` on every source, one after the other; what its ledger has is done."""
     jobs, done = [], {}
     for source, ledger in charts:
         known: dict[str, int] = {}
@@ -171,7 +171,7 @@ def run_chart(
     progress: ProgressCallback | None = None,
     ended: Callable[[int, ChartRow], None] | None = None,
 ) -> list[ChartRow]:
-    """The lines of all `runs` on `source`, in their order; those in `ledger` are not fitted again.
+    """Return the lines of all `runs` on `source`, in their order; those in `ledger` are not fitted again.
 
     `started` is called with the place of every run that is fitted, `ended` with its place and line. A fit that was
     interrupted is no line, even where it kept something: KeyboardInterrupt passes on, with every finished run in the

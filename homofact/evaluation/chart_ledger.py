@@ -25,7 +25,7 @@ from homofact.version import __version__
 
 
 def series_name(label: str, search: str) -> str:
-    """The name of a series: "cole", "search (gradient)"."""
+    """Return the name of a series: "cole", "search (gradient)"."""
     return f"{label} ({search})" if search else label
 
 
@@ -98,7 +98,7 @@ class ChartRow:
         return self.label == "mccool"
 
     def record(self) -> dict[str, Any]:
-        """The JSON form: that of a comparison's row, and what the CSV has beyond it."""
+        """Return the JSON form: that of a comparison's row, and what the CSV has beyond it."""
         plain = {field.name: getattr(self, field.name) for field in fields(self) if field.name not in _GROUPS}
         seconds = {name: plain.pop(f"seconds_{name}") for name in ("read", "fit", "total")}
         return {

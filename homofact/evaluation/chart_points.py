@@ -63,7 +63,7 @@ class ChartPoint:
 
 
 def points_of(rows: Iterable[ChartRow]) -> list[ChartPoint]:
-    """The points of a chart's rows, in the order of each one's first row."""
+    """Return the points of a chart's rows, in the order of each one's first row."""
     by_point: dict[tuple[str, str, int, int], dict[int, ChartRow]] = {}
     for row in rows:
         by_point.setdefault((row.label, row.search, row.textures_asked, row.size), {}).setdefault(row.seed, row)
@@ -71,6 +71,6 @@ def points_of(rows: Iterable[ChartRow]) -> list[ChartPoint]:
 
 
 def reference(points: Sequence[ChartPoint]) -> ChartPoint | None:
-    """McCool's own factorization with the lowest mean Cole error above 0, or None where the chart has none."""
+    """Return McCool's own factorization with the lowest mean Cole error above 0, or None where the chart has none."""
     mccool = [point for point in points if point.is_reference and 0 < point.error.mean < float("inf")]
     return min(mccool, key=lambda point: point.error.mean, default=None)

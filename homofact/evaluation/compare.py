@@ -51,7 +51,7 @@ class ComparisonRow:
         return self.settings.bytes is not None or not self.factorization.textures
 
     def record(self) -> dict[str, Any]:
-        """The JSON form of the row (times in seconds, sizes in bytes as float32 texels).
+        """Return the JSON form of the row (times in seconds, sizes in bytes as float32 texels).
 
         "subset" says what was drawn from the training samples, None where the fit had them all.
         """
@@ -79,7 +79,7 @@ class ComparisonRow:
 
 
 def held_out_samples(source: Source, held_out: float, seed: int) -> Samples:
-    """The samples that fits of `seed` are tested on: left out of the fit, and turned at random."""
+    """Return the samples that fits of `seed` are tested on: left out of the fit, and turned at random."""
     return source.samples.split(held_out, seed)[1].rotated_at_random(seed)
 
 

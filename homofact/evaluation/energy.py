@@ -103,7 +103,7 @@ class EnergyErrors:
         return max(ratios, key=lambda ratio: abs(_log(ratio[0])))
 
     def record(self) -> dict[str, Any]:
-        """A JSON-able dictionary; what is infinite is None."""
+        """Return a JSON-able dictionary; what is infinite is None."""
         derived = {
             "albedo_ratio": self.albedo_ratio,
             "albedo_mean": self.albedo_mean,
@@ -148,7 +148,7 @@ class SourceLight:
         return cls(azimuths, nodes, cosine, cosines, values, floor, floor_cosine, half_width(source), asymmetry)
 
     def errors(self, fit: Reflectance) -> EnergyErrors:
-        """The figures of a fit. Raises BadInput where its channels differ in number."""
+        """Return the figures of a fit. Raises BadInput where its channels differ in number."""
         if len(fit.channels) != self.values.shape[-1]:
             raise BadInput(
                 where="fit", found=f"{len(fit.channels)} channels", expected=f"the source's {self.values.shape[-1]}"
@@ -176,7 +176,7 @@ class SourceLight:
 
 
 def energy_errors(fit: Reflectance, source: Reflectance, isotropic: bool) -> EnergyErrors:
-    """The figures of `fit` against `source`, both to be asked at any pair of directions.
+    """Return the figures of `fit` against `source`, both to be asked at any pair of directions.
 
     If `isotropic`, one azimuth of the light is enough. Raises BadInput if their channels differ in number.
     """

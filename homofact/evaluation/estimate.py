@@ -120,7 +120,7 @@ class TimeEstimate:
         )
 
     def words(self) -> str:
-        """What there is to do: "27 fits, about 4 min"."""
+        """Return what there is to do: "27 fits, about 4 min"."""
         return f"{self.left} fit{'' if self.left == 1 else 's'}, {about(self.seconds_left)}"
 
     def _factor(self, name: str) -> float:
@@ -135,7 +135,7 @@ class TimeEstimate:
 
 
 def about(seconds: float) -> str:
-    """A time that is not known exactly: "about 40 s", "about 4 min", "about 2.5 h"."""
+    """Return a time that is not known exactly: "about 40 s", "about 4 min", "about 2.5 h"."""
     if seconds < 10:
         return "under 10 s"
     if seconds < 90:

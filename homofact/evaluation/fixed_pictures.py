@@ -49,7 +49,7 @@ class FixedPictures(NamedTuple):
 
 
 def fixed_pictures(reflectance: Reflectance, to_rgb: ToRgb | None) -> FixedPictures:
-    """The pictures of a reflectance; `to_rgb` as in `rendering.sphere`, None for one channel or three."""
+    """Return the pictures of a reflectance; `to_rgb` as in `rendering.sphere`, None for one channel or three."""
     nodes = sphere_nodes()
     by_sky, by_study = _lights()
     values = reflectance.evaluate(nodes.wi.reshape(-1, 3), nodes.wo.reshape(-1, 3)).to(torch.float64)
@@ -59,19 +59,19 @@ def fixed_pictures(reflectance: Reflectance, to_rgb: ToRgb | None) -> FixedPictu
 
 
 def study_difference(source: SphereImage, fit: SphereImage) -> float:
-    """Mean CIEDE2000 of two spheres under the study's light, shown at its one exposure for all materials."""
+    """Return mean CIEDE2000 of two spheres under the study's light, shown at its one exposure for all materials."""
     theirs, mine = (displayed(image, _exposure(), curve="srgb") for image in (source, fit))
     return ciede2000(theirs, mine, source.coverage > 0)
 
 
 def study_picture(reflectance: Reflectance) -> SphereImage:
-    """The picture of a reflectance under the study's light alone."""
+    """Return the picture of a reflectance under the study's light alone."""
     return fixed_pictures(reflectance, display_of(reflectance.channels)).study
 
 
 @lru_cache(maxsize=1)
 def sphere_nodes() -> Nodes:
-    """The nodes of every picture; the normals lie on Vogel's spiral: equal areas of the disc, no rows."""
+    """Return the nodes of every picture; the normals lie on Vogel's spiral: equal areas of the disc, no rows."""
     number = torch.arange(PLACES, dtype=torch.float64)
     height = (1 - (number + 0.5) / PLACES).sqrt()
     normal = from_cosine(height, number * (math.pi * (3 - math.sqrt(5))))

@@ -20,7 +20,7 @@ def content_key(facts: Mapping[str, Any]) -> str:
 
 
 def each_once(runs: Iterable[Run], key: Callable[[Run], str]) -> dict[str, Run]:
-    """The runs by key, in the order in which they are asked for; the first of those with one key."""
+    """Return the runs by key, in the order in which they are asked for; the first of those with one key."""
     by_key: dict[str, Run] = {}
     for run in runs:
         by_key.setdefault(key(run), run)

@@ -24,7 +24,7 @@ USUAL_SAMPLES = 45_000
 
 
 def has_mean_of(fitted: "Fitted", source: Source, split: Split) -> bool:
-    """Whether the fit's A is the mean of the split's training samples.
+    """Return whether the fit's A is the mean of the split's training samples.
 
     Azimuth copies share their sample's weight and leave the mean as it is.
     """
@@ -37,7 +37,7 @@ def has_mean_of(fitted: "Fitted", source: Source, split: Split) -> bool:
 
 
 def source_named_by(fitted: "Fitted", near: Sequence[str | os.PathLike[str]]) -> str:
-    """What `open_source` is to be given for a fit without a split. Raises BadInput where nothing is found."""
+    """Return what `open_source` is to be given for a fit without a split. Raises BadInput where nothing is found."""
     facts = mapping(fitted.provenance.get("source"))
     material, file = facts.get("material"), facts.get("file")
     if facts.get("format") == "analytic model" and isinstance(material, str):
@@ -54,7 +54,7 @@ def source_named_by(fitted: "Fitted", near: Sequence[str | os.PathLike[str]]) ->
 
 
 def guess_split(fitted: "Fitted", path: str) -> tuple[Source, Split, bool]:
-    """The source at `path` in the fit's channels, its likeliest split, and whether A says that it is the fit's.
+    """Return the source at `path` in the fit's channels, its likeliest split, and whether A says that it is the fit's.
 
     Raises BadInput as `open_source`.
     """

@@ -57,13 +57,13 @@ def ciede2000(source: Tensor, fit: Tensor, mask: Tensor) -> float:
 
 
 def ciede2000_of_pixels(source: Tensor, fit: Tensor, mask: Tensor) -> np.ndarray:
-    """The CIEDE2000 difference of each of the mask's pixels (n,), row by row; `ciede2000` is its mean."""
+    """Return the CIEDE2000 difference of each of the mask's pixels (n,), row by row; `ciede2000` is its mean."""
     a, b, inside = _checked(source, fit, mask)
     return ciede2000_of_labs(*(lab_of_srgb(picture[inside]) for picture in (a, b)))
 
 
 def delta_e_itp(source: Tensor, fit: Tensor, mask: Tensor) -> float:
-    """Mean ΔE_ITP (ITU-R BT.2124-0), white shown at 100 cd/m²; 1 is about just noticeable."""
+    """Return mean ΔE_ITP (ITU-R BT.2124-0), white shown at 100 cd/m²; 1 is about just noticeable."""
     colour = _library("colour")
     first, second = (
         colour.XYZ_to_ICtCp(xyz * WHITE_LUMINANCE, method="ITU-R BT.2100-2 PQ")
@@ -73,7 +73,7 @@ def delta_e_itp(source: Tensor, fit: Tensor, mask: Tensor) -> float:
 
 
 def flip(source: Tensor, fit: Tensor, mask: Tensor) -> float:
-    """Mean LDR-FLIP (Andersson et al. 2020) in [0, 1], seen at 67 pixels a degree; 0 where equal."""
+    """Return mean LDR-FLIP (Andersson et al. 2020) in [0, 1], seen at 67 pixels a degree; 0 where equal."""
     evaluator = _library("flip_evaluator")
     a, b, inside = _checked(source, fit, mask)
     pictures = (np.ascontiguousarray(x, dtype=np.float32) for x in (a, b))

@@ -73,7 +73,7 @@ class FitEvaluator:
     names: tuple[str, ...]
 
     def measure(self, fit: "Fitted", split: "Split") -> dict[str, float | None]:
-        """Every metric's number of a fit on the test samples of `split`.
+        """Return every metric's number of a fit on the test samples of `split`.
 
         None where a metric is not defined. An infinite PSNR stays infinite.
         """

@@ -16,7 +16,7 @@ class Kept(Generic[Made]):
         self._found: dict[int, Made] = {}
 
     def of(self, source: Any) -> Made:
-        """The result of a source, made on first asking."""
+        """Return the result of a source, made on first asking."""
         if id(source) not in self._found:
             self._found[id(source)] = self._make(source)
             weakref.finalize(source, self._found.pop, id(source), None)

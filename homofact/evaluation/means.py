@@ -61,7 +61,7 @@ class MeanRow:
 
 
 def mean_record(records: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """The records of fits that differ in their seed alone, as one: of a comparison or of a chart.
+    """Return the records of fits that differ in their seed alone, as one: of a comparison or of a chart.
 
     Errors, seconds, evaluations and figures of light are means; "spread" has the mean, least, greatest and standard
     deviation of each, and "seeds" are the fits'. Bytes and fetches are those of the largest fit; all else is the
@@ -97,7 +97,7 @@ def _mean_opinion(figures: Sequence[Mapping[str, Any]]) -> dict[str, float]:
 
 
 def mean_rows(fits: Sequence[MeasuredFit], source: str = "") -> list[MeanRow]:
-    """The rows over all fits, or over those of one source, in the order in which methods first come."""
+    """Return the rows over all fits, or over those of one source, in the order in which methods first come."""
     own = [fit for fit in fits if source in ("", fit.source)]
     rows = []
     for method in dict.fromkeys(fit.method for fit in own):
@@ -153,12 +153,12 @@ def _line(row: MeanRow) -> str:
 
 
 def escaped(text: str) -> str:
-    """A name as text of LaTeX: nothing in it is a command; what does not print is a space."""
+    """Return a name as text of LaTeX: nothing in it is a command; what does not print is a space."""
     return "".join(_SPECIAL.get(letter, letter if letter.isprintable() else " ") for letter in text)
 
 
 def rounded(mean: float, deviation: float | None) -> tuple[str, str, int]:
-    """(mean, standard deviation, n) in as many digits as the deviation deserves, both to be taken times 10ⁿ.
+    """Return (mean, standard deviation, n) in as many digits as the deviation deserves, both to be taken times 10ⁿ.
 
     The deviation has one digit, two where the first is 1; without one, or where it is 0, the mean has three. n is 0
     where the mean is readable without.

@@ -27,7 +27,7 @@ class SixErrors:
     max: float
 
     def record(self) -> dict[str, float]:
-        """A JSON-able dictionary."""
+        """Return a JSON-able dictionary."""
         return asdict(self)
 
 
@@ -45,7 +45,7 @@ def six_errors(found: Tensor, expected: Tensor, transform: LogTransform, weights
 
 
 def measure(reflectance: Reflectance, samples: Samples, transform: LogTransform) -> SixErrors:
-    """The metrics of a reflectance on samples of the same channels; of lobes the means are over the discs."""
+    """Return the metrics of a reflectance on samples of the same channels; of lobes the means are over the discs."""
     return six_errors(reflectance.evaluate(samples.wi, samples.wo), samples.values, transform, disc_shares(samples))
 
 

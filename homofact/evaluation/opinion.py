@@ -58,7 +58,7 @@ class Opinion:
         return f"{self.score:.1f} of 5 ({self.low:.1f} to {self.high:.1f}; identical pictures: {self.best:.1f})"
 
     def record(self) -> dict[str, float]:
-        """The JSON form."""
+        """Return the JSON form."""
         return {
             "delta_e_study": self.delta_e,
             "opinion": self.score,
@@ -101,12 +101,12 @@ class OpinionLaw:
         return self.floor + (1 - self.floor) * ratio / (1 + ratio)
 
     def opinion(self, delta_e: float) -> Opinion:
-        """The grade of a difference, with its interval. Raises BadInput as `distance`."""
+        """Return the grade of a difference, with its interval. Raises BadInput as `distance`."""
         score = grade(self.distance(delta_e))
         return Opinion(delta_e, score, *self.interval(score), grade(self.floor))
 
     def interval(self, score: float) -> tuple[float, float]:
-        """The 90% interval of a study's mean grade where `score` is expected, from 1 to 5."""
+        """Return the 90% interval of a study's mean grade where `score` is expected, from 1 to 5."""
         expected = (BEST - score) / (BEST - WORST)
         scatter = math.sqrt(max(expected * (1 - expected), 0.0))
         near, far = (min(max(expected + q * scatter, 0.0), 1.0) for q in (self.below, self.above))
@@ -120,7 +120,7 @@ class OpinionLaw:
 
 
 def grade(distance: float) -> float:
-    """The mean grade from 1 to 5 of a distance d."""
+    """Return the mean grade from 1 to 5 of a distance d."""
     return BEST - (BEST - WORST) * distance
 
 
@@ -140,7 +140,7 @@ class StudyLight:
     white: float
 
     def radiance(self, directions: Tensor) -> Tensor:
-        """Radiance (..., 3) from unit world directions (..., 3)."""
+        """Return radiance (..., 3) from unit world directions (..., 3)."""
         place, sharpness, colour = self.lamps[:, :3], self.lamps[:, 3], self.lamps[:, 4:]
         return self.even + torch.exp(sharpness * (directions @ place.T - 1)) @ colour
 
@@ -155,14 +155,14 @@ class OpinionTable:
 
 
 def digest(content: Mapping[str, Any]) -> str:
-    """The SHA-256 of a table's law, light and origin, which the table states as "sha256"."""
+    """Return the SHA-256 of a table's law, light and origin, which the table states as "sha256"."""
     kept = {name: content[name] for name in ("law", "light", "made_from")}
     return hashlib.sha256(json.dumps(kept, sort_keys=True).encode()).hexdigest()
 
 
 @lru_cache(maxsize=2)
 def opinion_table(path: Path = TABLE) -> OpinionTable:
-    """The table in the package.
+    """Return the table in the package.
 
     Raises BadInput where it is missing, damaged, changed by hand, or of another version.
     """

@@ -5,12 +5,12 @@ from collections.abc import Sequence
 
 
 def dominates(a: tuple[float, float], b: tuple[float, float]) -> bool:
-    """Whether `a` is nowhere larger than `b` and somewhere smaller."""
+    """Return whether `a` is nowhere larger than `b` and somewhere smaller."""
     return a[0] <= b[0] and a[1] <= b[1] and a != b
 
 
 def front(points: Sequence[tuple[float, float]]) -> list[int]:
-    """Places in `points` of those that no other dominates, by rising first and falling second coordinate.
+    """Return places in `points` of those that no other dominates, by rising first and falling second coordinate.
 
     Equal points are all on it. Points with a coordinate that is not finite never are.
     """

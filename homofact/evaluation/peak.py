@@ -40,7 +40,7 @@ def half_width(source: Reflectance) -> float | None:
 
 
 def texels_per_radian(fitted: Fitted) -> float:
-    """How many texels a radian of θh crosses at the mirror direction, of the fit's texture with the most."""
+    """Return how many texels a radian of θh crosses at the mirror direction, of the fit's texture with the most."""
     wi, wo = _tilted(torch.tensor([0.0, _STEP], dtype=torch.float64))
     most = 0.0
     for lookup in evaluation_of(fitted).lookups:

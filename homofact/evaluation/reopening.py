@@ -63,7 +63,7 @@ class Reopened:
 def reopen(
     fitted: "Fitted", source: str | Source | None = None, near: Sequence[str | os.PathLike[str]] = ()
 ) -> Reopened:
-    """The source that a fit was made from, or the one that is given, with the fit's split.
+    """Return the source that a fit was made from, or the one that is given, with the fit's split.
 
     A file that has moved is looked for in the working folder and in the folders `near` and those that they are in.
     The samples of a `source` that is given may be others than the fit's: its split is then not `known`. Raises
@@ -83,7 +83,7 @@ def reopen(
 
 
 def settings_of(fitted: "Fitted") -> "Method":
-    """The settings that the fit was made with, as its provenance has them; ε is the fit's own.
+    """Return the settings that the fit was made with, as its provenance has them; ε is the fit's own.
 
     What is missing or cannot be meant takes its default; the size is then that of the largest texture.
     """

@@ -96,7 +96,7 @@ def fit_seeds(
 
 
 def asked_seeds(first: int, text: str) -> tuple[int, ...]:
-    """The seeds that "3" (so many from `first` on) or "0,1,2" (these) asks for.
+    """Return the seeds that "3" (so many from `first` on) or "0,1,2" (these) asks for.
 
     Raises BadInput for anything else, none, and one that stands twice.
     """
@@ -117,7 +117,7 @@ def asked_seeds(first: int, text: str) -> tuple[int, ...]:
 
 
 def seeds_from(first: int, count: int) -> tuple[int, ...]:
-    """`count` seeds from `first` on. Raises BadInput for none."""
+    """Return `count` seeds from `first` on. Raises BadInput for none."""
     if count < 1:
         raise BadInput(where="seeds", found=count, expected="at least 1")
     return tuple(range(first, first + count))

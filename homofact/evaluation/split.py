@@ -90,13 +90,13 @@ class Split:
 
     @classmethod
     def of(cls, source: Source, held_out: float, seed: int, subset: int = 0) -> "Split":
-        """The split of a source that is open."""
+        """Return the split of a source that is open."""
         digest = samples_digest(source.samples)
         return cls(source.opening, len(source.samples), digest, held_out, seed, subset)
 
     @classmethod
     def saved_with(cls, fitted: "Fitted") -> "Split | None":
-        """The split that a fit was made from; None where it has none: samples given bare, or a fit of 0.1.0.
+        """Return the split that a fit was made from; None where it has none: samples given bare, or a fit of 0.1.0.
 
         Raises BadInput where it is there and damaged.
         """
@@ -133,18 +133,18 @@ class Split:
         )
 
     def record(self) -> dict[str, Any]:
-        """The JSON form, which `saved_with` reads."""
+        """Return the JSON form, which `saved_with` reads."""
         record = asdict(self)
         if self.opening is not None:
             record["opening"]["calibrate"] = list(self.opening.calibrate)
         return record
 
     def matches(self, source: Source) -> bool:
-        """Whether a source has the very samples that were split."""
+        """Return whether a source has the very samples that were split."""
         return samples_digest(source.samples) == self.digest
 
     def parts(self, source: Source) -> tuple[Samples, Samples | None]:
-        """(training, held out) of a source, as measured; no held-out ones where `held_out` is 0.
+        """Return (training, held out) of a source, as measured; no held-out ones where `held_out` is 0.
 
         The training samples are those of the subset, and say in their provenance which split they are of. Raises
         BadInput for a part that is none, and for too few samples.
@@ -163,7 +163,7 @@ class Split:
         return (source.samples if held is None else held).rotated_at_random(self.seed)
 
     def open(self, near: Sequence[str | os.PathLike[str]] = ()) -> Source:
-        """The source again, with the same samples.
+        """Return the source again, with the same samples.
 
         A file is looked for where it was, under the same relative path from the working folder, from the folders
         `near` and from those that they are in, and by its name alone in these. Raises BadInput where it is in none,

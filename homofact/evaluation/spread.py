@@ -19,12 +19,12 @@ class Spread:
 
     @classmethod
     def of(cls, numbers: Iterable[float]) -> "Spread":
-        """The spread of at least one number."""
+        """Return the spread of at least one number."""
         values = [float(number) for number in numbers]
         # An infinite PSNR has no deviation.
         deviation = statistics.stdev(values) if len(values) > 1 and all(map(math.isfinite, values)) else None
         return cls(len(values), statistics.fmean(values), min(values), max(values), deviation)
 
     def record(self) -> dict[str, float | None]:
-        """The JSON form."""
+        """Return the JSON form."""
         return {"mean": self.mean, "min": self.low, "max": self.high, "standard_deviation": self.deviation}

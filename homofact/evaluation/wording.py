@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 
 def shapes(sizes: Sequence[Sequence[int]]) -> str:
-    """Textures by their (rows, columns): "2 × 16²", "2 × 17×15", or rows × columns of each where they differ.
+    """Return textures by their (rows, columns): "2 × 16²", "2 × 17×15", or rows × columns of each where they differ.
 
     One of a single row counts as a square one of its length. A dash where there is none.
     """
@@ -19,7 +19,7 @@ def shapes(sizes: Sequence[Sequence[int]]) -> str:
 
 
 def figure(value: float | None) -> str:
-    """Three significant digits in at most eight characters."""
+    """Return three significant digits in at most eight characters."""
     if value is None:
         return "–"
     return f"{value:.3g}" if value == 0 or 1e-4 <= abs(value) < 1e5 else f"{value:.1e}"
@@ -34,6 +34,6 @@ def findings_named(names: Sequence[str]) -> str:
 
 
 def counted(number: int, noun: str) -> str:
-    """The number with its noun, in the plural where it is not 1."""
+    """Return the number with its noun, in the plural where it is not 1."""
     plural = f"{noun}es" if noun.endswith("ch") else f"{noun}s"
     return f"{number} {noun if number == 1 else plural}"

@@ -23,12 +23,12 @@ class Drawn(Derived):
 
 
 def knows_no_azimuth(fitted: Fitted) -> bool:
-    """Whether a fit is isotropic by its coordinates; a model without textures always is."""
+    """Return whether a fit is isotropic by its coordinates; a model without textures always is."""
     return fitted.evaluation is None or fitted.evaluation.isotropic
 
 
 def is_fit(place: str | os.PathLike[str]) -> bool:
-    """Whether a place is a fit's, not a source: a folder, or an .npz that does not hold samples.
+    """Return whether a place is a fit's, not a source: a folder, or an .npz that does not hold samples.
 
     Raises BadInput for a damaged archive.
     """
@@ -42,7 +42,7 @@ def is_fit(place: str | os.PathLike[str]) -> bool:
 
 
 def fit_as_source(place: str | os.PathLike[str], count: int, scheme: str, seed: int) -> Source:
-    """The fit of a result's folder, of an export's or of a saved file, with `count` samples drawn of it.
+    """Return the fit of a result's folder, of an export's or of a saved file, with `count` samples drawn of it.
 
     Raises BadInput where there is none.
     """
@@ -52,7 +52,7 @@ def fit_as_source(place: str | os.PathLike[str], count: int, scheme: str, seed: 
 def as_source(
     fitted: Fitted, name: str, count: int = DEFAULT_COUNT, scheme: str = DEFAULT_SCHEME, seed: int = 0
 ) -> Source:
-    """A fit as a source of that name, with `count` samples drawn of it."""
+    """Return a fit as a source of that name, with `count` samples drawn of it."""
     begun = time.perf_counter()
     reflectance = Drawn(fitted, knows_no_azimuth(fitted))
     samples = sample_model(reflectance, count, scheme, seed, noise_free=False)

@@ -76,7 +76,7 @@ class Exported:
 
 
 def exported(fitted: Fitted, form: Format) -> Exported:
-    """The fit in a texture format.
+    """Return the fit in a texture format.
 
     Raises BadInput, named by texture, where the format cannot hold a texture, and for more than four channels.
     """
@@ -137,7 +137,7 @@ def write_exported(
 
 
 def export_manifest(made: Exported, errors: Mapping[str, Any]) -> dict[str, Any]:
-    """All that a loader needs beside the texels, JSON-able."""
+    """Return all that a loader needs beside the texels, JSON-able."""
     fitted, described = made.stored, made.stored.describe()
     textures = texture_records(made.names, made.textures, [texture.stored.shape for texture in made.textures])
     return {
@@ -164,7 +164,7 @@ def export_manifest(made: Exported, errors: Mapping[str, Any]) -> dict[str, Any]
 def texture_records(
     names: Sequence[str], textures: Sequence[Encoded], shapes: Sequence[tuple[int, ...]], **more: Any
 ) -> list[dict[str, Any]]:
-    """What a manifest says of textures of these (rows, columns, …), each with `more`; JSON-able."""
+    """Return what a manifest says of textures of these (rows, columns, …), each with `more`; JSON-able."""
     return [
         {
             "file": name,
@@ -180,7 +180,7 @@ def texture_records(
 
 
 def sampling_record(stored: Reflectance, mixture: LobeMixture) -> dict[str, Any]:
-    """The mixture, and how well it does; JSON-able."""
+    """Return the mixture, and how well it does; JSON-able."""
     measured = [noise.record() for noise in noise_at_angles(stored, mixture)]
     return mixture.describe() | {"measured": measured, "meaning": MEANING}
 

@@ -29,13 +29,13 @@ _MOST_TERMS = 1000
 
 
 def is_export(folder: str | os.PathLike[str]) -> bool:
-    """Whether a folder's manifest says that it is an export. Raises BadInput for a manifest that is no JSON."""
+    """Return whether a folder's manifest says that it is an export. Raises BadInput for a manifest that is no JSON."""
     path = Path(folder) / MANIFEST
     return path.is_file() and Fields.read(path, f"{FORMAT!r}").found.get("format") == FORMAT
 
 
 def open_exported(folder: str | os.PathLike[str]) -> Factorization | Separable:
-    """The fit that an export's textures give.
+    """Return the fit that an export's textures give.
 
     Raises BadInput, one line, for a folder without a manifest, a manifest of another format or a newer version, an
     entry that cannot be meant, and textures that are missing, damaged, or not as the manifest says.

@@ -77,11 +77,11 @@ class _Numbers:
         return cls(torch.stack((metallic, roughness, *coat)), along, fresnel)
 
     def parts(self, channels: int, wi: Tensor, wo: Tensor) -> tuple[Tensor, Tensor]:
-        """(a, b) of a + b · base colour."""
+        """Return (a, b) of a + b · base colour."""
         return base_parts(channels, self.numbers, self.along, self.fresnel, wi, wo)
 
     def material(self, base: Tensor, channels: tuple[str, ...]) -> MetallicRoughness:
-        """The material with a base colour."""
+        """Return the material with a base colour."""
         metallic, roughness, coat, coat_roughness = self.numbers.tolist()
         strength, turn = (0.0, 0.0) if self.along is None else self.along.tolist()
         factor, colour = 1.0, None
@@ -121,7 +121,7 @@ class _Mean:
         return replace(made, albedo=made.of(values.to(torch.float64)))
 
     def of(self, values: Tensor) -> Tensor:
-        """The mean albedo (C,) of values (N, C)."""
+        """Return the mean albedo (C,) of values (N, C)."""
         return self.weight @ values
 
     def base_colour(self, constant: Tensor, slope: Tensor) -> Tensor:
@@ -140,7 +140,7 @@ class _Objective:
 
     @classmethod
     def of(cls, reflectance: Reflectance, isotropic: bool) -> "_Objective":
-        """What a reflectance shows, and how much each part is without a fit."""
+        """Return what a reflectance shows, and how much each part is without a fit."""
         samples = sample_model(Drawn(reflectance, isotropic), PAIRS, "lobe", 0, noise_free=False)
         number = torch.arange(PLACES, dtype=torch.float64)
         # Vogel's spiral: equal areas of the disc that the sphere is seen as, so equal weights by cosθo.
@@ -164,7 +164,7 @@ class _Objective:
         return (radiance + 1e-6).pow(1 / _GAMMA)
 
     def residuals(self, numbers: _Numbers) -> Tensor:
-        """All parts in one row."""
+        """Return all parts in one row."""
         constant, slope = numbers.parts(self.channels, self.mean.wi, self.mean.wo)
         base = self.mean.base_colour(constant, slope)
         values = constant + slope * base
@@ -230,7 +230,7 @@ class _Fit:
 
     @classmethod
     def of(cls, objective: _Objective, extensions: tuple[str, ...], starts: list[Tensor]) -> "_Fit":
-        """The best of the minima reached from the starts."""
+        """Return the best of the minima reached from the starts."""
 
         def residuals(x: Tensor) -> Tensor:
             return objective.residuals(_Numbers.of(x, extensions, objective.channels))
@@ -243,7 +243,7 @@ class _Fit:
         return [torch.cat((self.x, each)) for each in more]
 
     def or_a_better(self, others: "list[_Fit]") -> "_Fit":
-        """The best of those that leave less by `HELPS`, else this."""
+        """Return the best of those that leave less by `HELPS`, else this."""
         helping = [each for each in others if each.left < self.left * (1 - HELPS)]
         return min(helping, key=lambda each: each.left, default=self)
 

@@ -63,7 +63,7 @@ def write_texture_png(path: str | os.PathLike[str], texture: Texture, channels: 
 
 
 def texture_picture(texture: Texture, channels: Sequence[str]) -> tuple[np.ndarray, str]:
-    """(pixels (H, W, 3) uint8, the words of the text chunk) of one texture, as the module's head says.
+    """Return (pixels (H, W, 3) uint8, the words of the text chunk) of one texture, as the module's head says.
 
     Three channels are shown as red, green, blue; more as the means of the last, middle and first third (long
     wavelengths red); fewer as grey.
@@ -120,7 +120,7 @@ def write_textures(folder: Path, fitted: Fitted) -> list[dict[str, str]]:
 
 
 def three_channels(texture: Tensor, channels: Sequence[str]) -> tuple[Tensor, str]:
-    """(rows, columns, 3) to look at, and words for what the three are."""
+    """Return (rows, columns, 3) to look at, and words for what the three are."""
     count = len(channels)
     if count == 3:
         return texture, f"red, green, blue = {', '.join(channels)}"
@@ -132,7 +132,7 @@ def three_channels(texture: Tensor, channels: Sequence[str]) -> tuple[Tensor, st
 
 
 def enlarged_and_hatched(pixels: Tensor, mask: Tensor) -> np.ndarray:
-    """(H, W, 3) uint8 of pixels (rows, columns, 3) uint8 in whole squares; hatched yellow where not `mask`."""
+    """Return (H, W, 3) uint8 of pixels (rows, columns, 3) uint8 in whole squares; hatched yellow where not `mask`."""
     tall, wide = _magnification(*mask.shape)
     outside = _enlarged((~mask).numpy(), tall, wide)
     y, x = np.mgrid[: outside.shape[0], : outside.shape[1]]

@@ -58,7 +58,7 @@ class LayeredExport:
 
 
 def exported_layers(fit: Layered, form: Format) -> LayeredExport:
-    """The layers in a texture format. Raises BadInput as `exporting.exported.exported`."""
+    """Return the layers in a texture format. Raises BadInput as `exporting.exported.exported`."""
     channels, count = len(fit.layers[0].channels), len(fit.layers)
     check_count(channels)
     arrays = [list(parts) for parts in zip(*(layer.textures for layer in fit.layers), strict=True)]
@@ -83,7 +83,7 @@ def with_sampling(made: LayeredExport) -> LayeredExport:
 
 
 def codes(made: LayeredExport) -> dict[str, str]:
-    """The text of each program by file name.
+    """Return the text of each program by file name.
 
     `homofact_evaluate(wi, wo, layer)`, `homofact_layer(uv)` and, of what has a sampling, `homofact_sample(wo, u,
     layer)` and `homofact_density(wi, wo, layer)`.

@@ -86,7 +86,7 @@ def conventions(described: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def manifest(fitted: Fitted, files: Sequence[Mapping[str, str]]) -> dict[str, Any]:
-    """The JSON-able description; `files` names each texture's files, for instance {"exr": …, "png": …}.
+    """Return the JSON-able description; `files` names each texture's files, for instance {"exr": …, "png": …}.
 
     Raises BadInput where the files are not one entry a texture.
     """

@@ -52,7 +52,10 @@ def write_result(
 
 
 def open_result(place: str | os.PathLike[str]) -> Fitted:
-    """The fit of a result folder, of a saved file, or of an export's textures. Raises BadInput where there is none."""
+    """Return the fit of a result folder, of a saved file, or of an export's textures.
+
+    Raises BadInput where there is none.
+    """
     found = saved_file(place, MANIFEST)
     if found.name == MANIFEST and is_export(found.parent):
         return open_exported(found.parent)
@@ -60,7 +63,7 @@ def open_result(place: str | os.PathLike[str]) -> Fitted:
 
 
 def read_record(place: str | os.PathLike[str]) -> dict[str, Any]:
-    """What report.json says of a result, given by its folder or its saved fit; empty where none can be read."""
+    """Return what report.json says of a result, given by its folder or its saved fit; empty where none can be read."""
     path = Path(place)
     folder = path.parent if path.name == FACTORIZATION else path
     try:

@@ -23,7 +23,7 @@ from homofact.factor.textures import LogSamples, Smoothing, inner_problem, resid
 
 
 def with_deviations(samples: LogSamples, terms: tuple[Term, ...], smoothing: Smoothing) -> tuple[Term, ...]:
-    """The terms with `deviation`, the standard deviation (rows, columns, C) of every texel in log units.
+    """Return the terms with `deviation`, the standard deviation (rows, columns, C) of every texel in log units.
 
     `terms` are as `solve_terms` left them for these samples and this λ, all solved together. Texels outside of the
     mask take the deviation 0: nothing was solved there. Costs some T³ operations, once.

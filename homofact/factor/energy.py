@@ -74,7 +74,7 @@ class Flux:
 
     @classmethod
     def of(cls, samples: Samples, transform: LogTransform, objective: str) -> "Flux":
-        """The flux of `samples` under an objective, "both" or "energy"."""
+        """Return the flux of `samples` under an objective, "both" or "energy"."""
         share = MEASURED_SHARE if objective == "both" and scheme_of(samples) is None else LOG_SHARE[objective]
         _, theta_d, _ = rusinkiewicz_angles(samples.wi, samples.wo)
         each = solid_angles(samples) * samples.wi[:, 2] * samples.wo[:, 2]
@@ -84,7 +84,7 @@ class Flux:
         return cls(each[:, None] * scale, share, _squares(samples, transform))
 
     def with_none(self, count: int) -> "Flux":
-        """The flux with `count` more samples behind that carry none."""
+        """Return the flux with `count` more samples behind that carry none."""
         none = self.per_value.new_zeros(count, self.per_value.shape[1])
         per_value, squares = (torch.cat((own, none)) for own in (self.per_value, self.squares))
         return replace(self, per_value=per_value, squares=squares)
@@ -220,7 +220,7 @@ class _Light:
         return self._factor.times(self._texels[self._kept]).ravel()
 
     def evaluate(self, z: np.ndarray) -> tuple[float, np.ndarray]:
-        """(J, its slope by z), over Σ w."""
+        """Return (J, its slope by z), over Σ w."""
         texels = self._of(z)
         logs = self._sums(texels)
         if self._clipped is not None:

@@ -60,7 +60,7 @@ class Evaluation:
         return all(set(lookup.axes) <= _ISOTROPIC for lookup in self.lookups)
 
     def of_channels(self, own: slice) -> "Evaluation":
-        """The evaluation of some of the channels alone."""
+        """Return the evaluation of some of the channels alone."""
         products = tuple(Product(each.lookups, each.signs[own]) for each in self.products)
         transform = self.transform and self.transform.of_channels(own)
         return Evaluation(self.lookups, products, transform)
@@ -86,7 +86,7 @@ class Evaluated(Protocol):
 
 
 def evaluation_of(fitted: Evaluated) -> Evaluation:
-    """How values come from the textures of a fit. Raises BadInput for a model without textures."""
+    """Return how values come from the textures of a fit. Raises BadInput for a model without textures."""
     if fitted.evaluation is None:
         refuse_model(fitted)
     return fitted.evaluation
@@ -109,7 +109,7 @@ class Indexed:
 
 
 def evaluation_of_product(textures: Sequence[Indexed], transform: LogTransform) -> Evaluation:
-    """A (exp Σ lookups − ε); a conjugate is a lookup of its own."""
+    """Return a (exp Σ lookups − ε); a conjugate is a lookup of its own."""
     lookups = []
     for k, each in enumerate(textures):
         (rows, columns), system = each.shape, each.system

@@ -76,11 +76,11 @@ class Term(Generic[A]):
         return int(self.texture.shape[0]), int(self.texture.shape[1])
 
     def arrays(self) -> "Term[np.ndarray]":
-        """The term in NumPy arrays, shared where they can be."""
+        """Return the term in NumPy arrays, shared where they can be."""
         return self._mapped(as_array)
 
     def tensors(self, device: Any = "cpu") -> "Term[Tensor]":
-        """The term in tensors on a device, shared with the arrays on the CPU."""
+        """Return the term in tensors on a device, shared with the arrays on the CPU."""
         import torch
 
         return self._mapped(lambda values: torch.as_tensor(values).to(device))
@@ -93,7 +93,7 @@ class Term(Generic[A]):
         return self._around(lambda texels, d: np.concatenate((texels, texels.take([0], d)), d))
 
     def round(self: "Term[np.ndarray]") -> "Term[np.ndarray]":
-        """The inverse of `flat`: a periodic axis without its last texels."""
+        """Return the inverse of `flat`: a periodic axis without its last texels."""
         return self._around(lambda texels, d: texels.take(range(texels.shape[d] - 1), d))
 
     def _around(self, change: Callable[[Any, int], Any]) -> "Term[np.ndarray]":
@@ -109,7 +109,7 @@ class Term(Generic[A]):
 
 
 def layout_of_terms(terms: Sequence[Term[Any]]) -> "TexelLayout":
-    """The texels of all textures, one after another."""
+    """Return the texels of all textures, one after another."""
     return layout_of(tuple(term.projection for term in terms), tuple(term.size for term in terms))
 
 
@@ -166,7 +166,7 @@ class Factorization:
 
     @answering_in_kind
     def evaluate(self, wi: "Tensor", wo: "Tensor") -> "Tensor":
-        """BRDF values (N, C) in sr⁻¹, ≥ 0, without the cosine; 0 where a direction is under the horizon."""
+        """Return BRDF values (N, C) in sr⁻¹, ≥ 0, without the cosine; 0 where a direction is under the horizon."""
         from homofact.geometry.directions import above_horizon
 
         above, wi, wo = above_horizon(wi, wo)
@@ -216,7 +216,7 @@ class Factorization:
         return replace(self, terms=terms, provenance=self.provenance | dict(facts))
 
     def describe(self) -> dict[str, Any]:
-        """The projections and masks."""
+        """Return the projections and masks."""
         return {
             "kind": "product",
             "terms": [
@@ -261,7 +261,7 @@ def _caption(projection: Projection) -> str:
 
 
 def term_arrays(j: int, term: Term[np.ndarray]) -> dict[str, Any]:
-    """The arrays of term number `j` in a saved fit, by name."""
+    """Return the arrays of term number `j` in a saved fit, by name."""
     arrays: dict[str, Any] = {f"texture_{j}": term.texture, f"mask_{j}": term.mask}
     if term.deviation is not None:
         arrays[f"deviation_{j}"] = term.deviation
@@ -276,7 +276,7 @@ def term_arrays(j: int, term: Term[np.ndarray]) -> dict[str, Any]:
 
 
 def described_term(term: Term[np.ndarray]) -> dict[str, Any]:
-    """What the header of a saved fit says of a term beside its arrays."""
+    """Return what the header of a saved fit says of a term beside its arrays."""
     projection = term.projection
     return {
         "coordinates": projection.coordinates,
@@ -288,7 +288,10 @@ def described_term(term: Term[np.ndarray]) -> dict[str, Any]:
 
 
 def channels_and_transform(saved: SavedFit) -> tuple[tuple[str, ...], LogTransform]:
-    """The channels of a saved fit, and the ε and A (C,) of its logarithms. Raises BadInput for what cannot be meant."""
+    """Return the channels of a saved fit, and the ε and A (C,) of its logarithms.
+
+    Raises BadInput for what cannot be meant.
+    """
     channels = tuple(saved.fields.texts("channels", MOST_CHANNELS))
     mean = saved.floats("mean", (len(channels),), least=LEAST_MEAN)
     return channels, LogTransform(saved.fields.number("epsilon", above=0), mean)

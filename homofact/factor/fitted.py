@@ -99,7 +99,7 @@ class Fitted(Reflectance, Protocol):
         ...
 
     def describe(self) -> dict[str, Any]:
-        """What a manifest says of it beside texels and transform, JSON-able: its kind and its terms."""
+        """Return what a manifest says of it beside texels and transform, JSON-able: its kind and its terms."""
         ...
 
     def save(self, path: str | os.PathLike[str]) -> None:
@@ -108,5 +108,5 @@ class Fitted(Reflectance, Protocol):
 
 
 def bits(mask: np.ndarray) -> list[str]:
-    """A mask (rows, columns) as one string a row, 1 where it is True."""
+    """Return a mask (rows, columns) as one string a row, 1 where it is True."""
     return ["".join("1" if texel else "0" for texel in row) for row in mask.tolist()]

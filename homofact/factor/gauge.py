@@ -143,7 +143,7 @@ def _symmetric(matrix: Tensor) -> Tensor:
 
 
 def in_gauge(texels: Tensor, projections: tuple[Projection, ...], masks: tuple[Tensor, ...]) -> Tensor:
-    """The texels (T, C) with the same sum everywhere that meet the gauge over `masks`: Zᵀy = 0.
+    """Return the texels (T, C) with the same sum everywhere that meet the gauge over `masks`: Zᵀy = 0.
 
     With N the null space, y − N (ZᵀN)⁻¹ Zᵀy. Textures of several materials, each solved over the texels that its own
     samples reach, are comparable texel by texel once they all meet the gauge over the same masks.

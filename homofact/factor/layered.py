@@ -63,7 +63,7 @@ class Layered:
         return tuple(layer.transform for layer in self.layers)
 
     def evaluate(self, wi: "Tensor", wo: "Tensor", labels: "Tensor") -> "Tensor":
-        """BRDF values (N, C) in sr⁻¹ of pairs (N, 3), each of the layer that its label (N,) names.
+        """Return BRDF values (N, C) in sr⁻¹ of pairs (N, 3), each of the layer that its label (N,) names.
 
         Raises BadInput for a label that no layer has.
         """

@@ -41,15 +41,15 @@ class LogBasis:
         return len(self.directions)
 
     def first(self, count: int) -> "LogBasis":
-        """The basis of the first `count` directions."""
+        """Return the basis of the first `count` directions."""
         return LogBasis(self.mean, self.directions[:count])
 
     def projected(self, texels: Tensor) -> Tensor:
-        """The coefficients (N,) whose texels are nearest to the given ones (T, C)."""
+        """Return the coefficients (N,) whose texels are nearest to the given ones (T, C)."""
         return self.directions.flatten(1) @ (texels - self.mean).flatten()
 
     def solved(self, equations: NormalEquations) -> Tensor:
-        """The coefficients (N,) that meet the samples of accumulated equations best."""
+        """Return the coefficients (N,) that meet the samples of accumulated equations best."""
         directions = self.directions
         seen = torch.einsum("tu,nuc->ntc", equations.matrix, directions)
         matrix = torch.einsum("mtc,ntc->mn", directions, seen)
@@ -58,11 +58,11 @@ class LogBasis:
         return torch.linalg.solve(matrix, right)
 
     def texels(self, coefficients: Tensor) -> Tensor:
-        """The textures (T, C) of coefficients (N,)."""
+        """Return the textures (T, C) of coefficients (N,)."""
         return self.mean + torch.einsum("n,ntc->tc", coefficients.to(self.mean), self.directions)
 
 
 def of_channel(equations: NormalEquations, number: int) -> NormalEquations:
-    """The equations of one channel alone."""
+    """Return the equations of one channel alone."""
     own = slice(number, number + 1)
     return NormalEquations(equations.matrix, equations.rhs[:, own], equations.energy[own], equations.weight)

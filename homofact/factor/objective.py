@@ -66,7 +66,7 @@ class Objective:
         self.evaluations = 0
 
     def start(self) -> Tensor:
-        """The vector (V,) of the projections given at construction."""
+        """Return the vector (V,) of the projections given at construction."""
         parts = [p.rotation.numbers for p in self._projections if p.rotation is not None]
         return torch.cat(parts) if parts else torch.zeros(0, dtype=torch.float64, device="cpu")
 
@@ -90,7 +90,7 @@ class Objective:
         return tuple(result)
 
     def problem(self, vector: Tensor) -> LeastSquares:
-        """The inner problem at a vector."""
+        """Return the inner problem at a vector."""
         lookups = list(self._template.lookups)
         for own, projection in zip(self._lookups, self.projections(vector), strict=True):
             # Fixed ones stay.
@@ -100,12 +100,12 @@ class Objective:
         return replace(self._template, lookups=tuple(lookups))
 
     def error(self, vector: Tensor) -> float:
-        """R alone, by the normal equations; no pass for the gradient."""
+        """Return R alone, by the normal equations; no pass for the gradient."""
         self.evaluations += 1
         return minimum(self.problem(vector))[1] * self._scale
 
     def evaluate(self, vector: Tensor) -> ObjectiveValue:
-        """R with its gradient: one accumulation, one solve, one pass back over the samples."""
+        """Return R with its gradient: one accumulation, one solve, one pass back over the samples."""
         problem = self.problem(vector)
         self.evaluations += 1
         texels, _ = minimum(problem)
@@ -161,12 +161,12 @@ class JointObjective:
         return self._each[0].projections(vector)
 
     def error(self, vector: Tensor) -> float:
-        """The mean R of all materials."""
+        """Return the mean R of all materials."""
         self.evaluations += 1
         return sum(objective.error(vector) for objective in self._each) / len(self._each)
 
     def evaluate(self, vector: Tensor) -> ObjectiveValue:
-        """The mean R with its gradient; `texels` (K T, C) are all materials', one after another."""
+        """Return the mean R with its gradient; `texels` (K T, C) are all materials', one after another."""
         self.evaluations += 1
         found = [objective.evaluate(vector) for objective in self._each]
         count = len(found)

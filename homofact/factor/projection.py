@@ -43,7 +43,7 @@ def row_bounds(matrix: "Tensor", domain: str, bound: str) -> "Tensor":
 
 
 def bound_slopes(rows: np.ndarray, slope: np.ndarray, domain: str, bound: str) -> np.ndarray:
-    """The derivative by rows (2, k), from that by the rows divided by their bounds: s/b − (s · row) ∇b/b²."""
+    """Return the derivative by rows (2, k), from that by the rows divided by their bounds: s/b − (s · row) ∇b/b²."""
     if domain == "discs" and bound == "disc":
         lengths = np.sqrt((rows.reshape(2, 2, 2) ** 2).sum(2))
         size = lengths.sum(1, keepdims=True)
@@ -54,7 +54,7 @@ def bound_slopes(rows: np.ndarray, slope: np.ndarray, domain: str, bound: str) -
 
 
 def swap_of(system: CoordinateSystem) -> "Tensor":
-    """S (k, k) of the module's head, float64."""
+    """Return S (k, k) of the module's head, float64."""
     import torch
 
     return torch.tensor(system.swap, dtype=torch.float64, device="cpu")
@@ -71,7 +71,7 @@ class Warp:
     width: float
 
     def on(self, system: CoordinateSystem, coordinates: "Tensor") -> "Tensor":
-        """The coordinates (N, k) with their half-vector part stretched. Raises BadInput where they have none."""
+        """Return the coordinates (N, k) with their half-vector part stretched. Raises BadInput where they have none."""
         return system.stretch(coordinates, self.width)
 
 
@@ -121,7 +121,7 @@ class Projection:
     def from_rows(
         cls, coordinates: str, rows: "Tensor", reciprocal: bool, bound: str = "disc", **more: object
     ) -> "Projection":
-        """The projection with `rows` (2, k) scaled to fit the texture square; a zero row stays zero."""
+        """Return the projection with `rows` (2, k) scaled to fit the texture square; a zero row stays zero."""
         if bound not in BOUNDS:
             raise BadInput(where="bound", found=repr(bound), expected=f"one of {', '.join(BOUNDS)}")
         import torch
@@ -134,7 +134,7 @@ class Projection:
     def from_rotation(
         cls, coordinates: str, rotation: "Rotation", reciprocal: bool, bound: str = "disc", warp: Warp | None = None
     ) -> "Projection":
-        """The first two rows of a rotation of R⁴ or R³.
+        """Return the first two rows of a rotation of R⁴ or R³.
 
         Basis vectors e1, e2 turned by R give the rows (R e1)ᵀ, (R e2)ᵀ, as in the thesis (2.3.1).
         """
@@ -146,7 +146,7 @@ class Projection:
         return self.place_coordinates(self.prepare(wi, wo))
 
     def prepare(self, wi: "Tensor", wo: "Tensor") -> "Tensor":
-        """The coordinates (N, k) that the matrix acts on, warped where this projection warps."""
+        """Return the coordinates (N, k) that the matrix acts on, warped where this projection warps."""
         return self.system.evaluate(wi, wo, None if self.warp is None else self.warp.width)
 
     def place_coordinates(self, x: "Tensor") -> "tuple[Tensor, ...]":
@@ -159,7 +159,7 @@ class Projection:
         return lookup_matrices(self.matrix, self.system, self.reciprocal, self.quaternions is not None)
 
     def matrices(self) -> "tuple[Tensor, ...]":
-        """`lookup_matrices` as tensors."""
+        """Return `lookup_matrices` as tensors."""
         import torch
 
         return tuple(torch.from_numpy(matrix) for matrix in self.lookup_matrices)
@@ -171,7 +171,7 @@ class Projection:
 
 
 def describe_projection(projection: Projection) -> dict[str, Any]:
-    """The JSON-able description of a projection, as a manifest explains it."""
+    """Return the JSON-able description of a projection, as a manifest explains it."""
     matrices = projection.lookup_matrices
     return {
         "name": projection.name,
@@ -198,7 +198,7 @@ def _rotation(quaternions: np.ndarray | None) -> dict[str, Any] | None:
 
 
 def fixed_projection(name: str, reciprocal: bool, warp: Warp | None = None) -> Projection:
-    """The projection of that name: two coordinates taken as they are, or one for a 1D texture.
+    """Return the projection of that name: two coordinates taken as they are, or one for a 1D texture.
 
     Raises BadInput that lists the names.
     """
@@ -213,7 +213,7 @@ def fixed_projection(name: str, reciprocal: bool, warp: Warp | None = None) -> P
 
 
 def layout_of(projections: tuple[Projection, ...], shapes: tuple[Shape, ...]) -> "TexelLayout":
-    """The texels of textures of these shapes (rows, columns), one a projection."""
+    """Return the texels of textures of these shapes (rows, columns), one a projection."""
     from homofact.linear.layout import TexelLayout
 
     return TexelLayout(tuple(shapes), tuple(projection.axes for projection in projections))

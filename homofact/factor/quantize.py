@@ -57,7 +57,7 @@ _FIRST_SHARE, _LAST_SHARE = 0.25, 0.01
 
 
 def quantize(fitted: F, samples: Samples, storage: str) -> F:
-    """The fit with texels that `storage` ("png8", "png16") holds exactly.
+    """Return the fit with texels that `storage` ("png8", "png16") holds exactly.
 
     A product's are fitted to `samples` anew; its projections, ε, A and λ (from the provenance) stay. `samples` are
     those it was solved from, with their azimuth copies where a projection knows the azimuth. The texels of a sum of
@@ -70,12 +70,12 @@ def quantize(fitted: F, samples: Samples, storage: str) -> F:
 
 
 def is_solved(fitted: Fitted) -> bool:
-    """Whether `quantize` solves for the texels; else it rounds them."""
+    """Return whether `quantize` solves for the texels; else it rounds them."""
     return fitted.evaluation is not None and fitted.evaluation.transform is not None
 
 
 def rounded(fitted: F, storage: str) -> F:
-    """The fit with every texel rounded by itself within its texture's range: what a plain export does."""
+    """Return the fit with every texel rounded by itself within its texture's range: what a plain export does."""
     made = [
         _rounded(torch.from_numpy(texture.texels), torch.from_numpy(texture.mask), LEVELS[storage])
         for texture in fitted.textures
@@ -121,7 +121,7 @@ def _as_textures(fitted: Fitted, samples: LogSamples) -> LogSamples:
 def quantized_terms(
     samples: LogSamples, terms: tuple[Term, ...], smoothing: Smoothing, levels: int, solved_anew: bool = True
 ) -> tuple[Term, ...]:
-    """The terms with the best texels of `levels` + 1 values a channel, and their grids.
+    """Return the terms with the best texels of `levels` + 1 values a channel, and their grids.
 
     `solved_anew` takes y from these samples and the sampler's weights; else y are the terms' own texels, as it should
     be where these are not the minimum of the plain problem (clipped samples, an objective of energy).

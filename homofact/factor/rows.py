@@ -24,7 +24,7 @@ def check_rows(matrix: np.ndarray, system: CoordinateSystem) -> None:
 
 
 def axes_of_rows(matrix: np.ndarray, system: CoordinateSystem) -> Axes:
-    """The kinds of the texture's axes (rows, columns): `linear.layout`."""
+    """Return the kinds of the texture's axes (rows, columns): `linear.layout`."""
     read = [system.axes[int(np.abs(row).argmax())] if (row != 0).any() else "" for row in matrix]
     around = any(name in system.periodic for name in read)
     first = [
@@ -39,7 +39,7 @@ def axes_of_rows(matrix: np.ndarray, system: CoordinateSystem) -> Axes:
 def lookup_matrices(
     matrix: np.ndarray, system: CoordinateSystem, reciprocal: bool, searched: bool
 ) -> tuple[np.ndarray, ...]:
-    """The matrix of every lookup: P alone, or P and its conjugate P S.
+    """Return the matrix of every lookup: P alone, or P and its conjugate P S.
 
     A fixed projection that is its own conjugate is looked up once. A searched one moves, and counts twice even where
     it happens to be.

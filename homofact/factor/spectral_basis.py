@@ -39,12 +39,12 @@ class SpectralBasis:
         return 4 * (self.vectors.size + self.offset.size)
 
     def first(self, rank: int, mean: np.ndarray) -> "SpectralBasis":
-        """The basis of the first `rank` vectors; what the others add at `mean` (W,) joins the offset."""
+        """Return the basis of the first `rank` vectors; what the others add at `mean` (W,) joins the offset."""
         vectors, dual = self.vectors[:rank], self.dual[:, :rank]
         return SpectralBasis(vectors, mean - mean @ dual @ vectors, dual)
 
     def coordinates(self, logs: np.ndarray) -> np.ndarray:
-        """Coordinates (..., R) of logarithms (..., W)."""
+        """Return coordinates (..., R) of logarithms (..., W)."""
         return logs @ self.dual
 
     def logs(self, coordinates: np.ndarray) -> np.ndarray:

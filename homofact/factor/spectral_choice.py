@@ -25,7 +25,7 @@ RIDGE = 1e-3
 def whole_basis(
     logs: np.ndarray, weights: np.ndarray, transform: LogTransform, wavelengths: Sequence[float]
 ) -> SpectralBasis:
-    """All W vectors for logarithms (N, W) of that transform, with weights (N,).
+    """Return all W vectors for logarithms (N, W) of that transform, with weights (N,).
 
     The vectors that lower the error of colour most come first. Raises BadInput as `spectral.to_rgb`.
     """

@@ -74,7 +74,7 @@ class SpectralFit:
 
     @classmethod
     def of(cls, fit: Factorization, samples: "Samples", tolerance: float, seed: int = 0) -> "SpectralFit":
-        """A fit of all bands with the basis of the smallest rank that a tolerance allows.
+        """Return a fit of all bands with the basis of the smallest rank that a tolerance allows.
 
         `tolerance` is of the mean CIEDE2000 to the fit of all bands, under each of `colour_difference.ILLUMINANTS`.
         Half of the mean is over `samples`, weighted over the discs, half over cosine-weighted pairs, at which a
@@ -124,7 +124,7 @@ class SpectralFit:
         return sum(term.projection.lookups for term in self.terms)
 
     def evaluate_log(self, wi: "Tensor", wo: "Tensor") -> "Tensor":
-        """The logarithms (N, W), before the exponential."""
+        """Return the logarithms (N, W), before the exponential."""
         import torch
 
         coordinates = sum_of_terms(self.terms, wi, wo)
@@ -133,7 +133,7 @@ class SpectralFit:
 
     @answering_in_kind
     def evaluate(self, wi: "Tensor", wo: "Tensor") -> "Tensor":
-        """BRDF values (N, W) in sr⁻¹, ≥ 0, without the cosine; 0 where a direction is under the horizon."""
+        """Return BRDF values (N, W) in sr⁻¹, ≥ 0, without the cosine; 0 where a direction is under the horizon."""
         from homofact.geometry.directions import above_horizon
 
         above, wi, wo = above_horizon(wi, wo)
@@ -173,12 +173,12 @@ class SpectralFit:
         grids: Sequence[QuantizationGrid | None] | None = None,
         facts: Mapping[str, Any] | None = None,
     ) -> "SpectralFit":
-        """The same projections, masks and basis with other coordinates (rows, columns, R), flat."""
+        """Return the same projections, masks and basis with other coordinates (rows, columns, R), flat."""
         made = self._product.with_textures(texels, grids, facts)
         return replace(self, terms=made.terms, provenance=made.provenance)
 
     def describe(self) -> dict[str, Any]:
-        """The projections, masks and the basis."""
+        """Return the projections, masks and the basis."""
         basis = {"vectors": self.basis.vectors.tolist(), "offset": self.basis.offset.tolist()}
         return self._product.describe() | {"basis": basis}
 

@@ -55,7 +55,7 @@ class LogSamples:
 
     @classmethod
     def of(cls, samples: Samples, transform: LogTransform) -> "LogSamples":
-        """The samples under `transform`, weighted for the Cole error: over the discs (`brdf.pair_density`)."""
+        """Return the samples under `transform`, weighted for the Cole error: over the discs (`brdf.pair_density`)."""
         logs = transform.forward(samples.values)
         return cls(samples.wi, samples.wo, logs, over_discs(samples), samples.clipped)
 
@@ -69,7 +69,7 @@ class LogSamples:
         return LogSamples(wi, wo, logs, weights, clipped)
 
     def select(self, index: Tensor) -> "LogSamples":
-        """The samples at `index`, in that order."""
+        """Return the samples at `index`, in that order."""
         clipped = None if self.clipped is None else self.clipped[index]
         return LogSamples(self.wi[index], self.wo[index], self.logs[index], self.weights[index], clipped)
 
@@ -92,7 +92,7 @@ class LogSamples:
 
 
 def texture_shape(projection: Projection, size: int) -> Shape:
-    """(rows, columns): square, or one row where the projection's second row is zero."""
+    """Return (rows, columns): square, or one row where the projection's second row is zero."""
     flat = bool((projection.matrix[1] == 0).all())
     return (1 if flat else size, size)
 
@@ -104,7 +104,7 @@ def inner_problem(
     smoothing: Smoothing,
     masks: tuple[Tensor, ...] | None = None,
 ) -> LeastSquares:
-    """The least-squares problem of the texels of all `projections` at once, texture after texture.
+    """Return the least-squares problem of the texels of all `projections` at once, texture after texture.
 
     Without `masks` every texel is an unknown, so that the problem does not jump as a projection moves.
     """
@@ -138,7 +138,7 @@ def per_texel(smoothing: Smoothing, layout: TexelLayout) -> float | Tensor:
 
 @lru_cache(maxsize=32)
 def roughness_of(layout: TexelLayout, device: torch.device) -> Roughness:
-    """The smoothing rows of whole textures, shared by every evaluation of a search."""
+    """Return the smoothing rows of whole textures, shared by every evaluation of a search."""
     return Roughness.of(layout, layout.whole(device))
 
 
@@ -159,7 +159,7 @@ class Solved:
     factor: np.ndarray | None = None
 
     def details(self) -> dict[str, float]:
-        """The figures by name, JSON-able, for a report."""
+        """Return the figures by name, JSON-able, for a report."""
         return {"condition": self.condition, "determined": self.determined}
 
 
@@ -170,7 +170,7 @@ def solve_terms(
     smoothing: Smoothing,
     solver: str,
 ) -> Solved:
-    """The masked solve: finished terms for fixed projections, constants gathered in the first texture.
+    """Return the masked solve: finished terms for fixed projections, constants gathered in the first texture.
 
     The unknowns are the texels in reach of a sample; the others of the projected domain take the value of the
     nearest of these, since smoothing alone would carry the last ramp on into the dark. The gauge is held in closed
@@ -237,7 +237,7 @@ def _reached(diagonal: Tensor, domains: tuple[Tensor, ...], layout: TexelLayout)
 
 
 def centred(terms: tuple[Term, ...]) -> tuple[Term, ...]:
-    """The same sum with zero mean (over the mask) in every texture but the first, which takes the constants.
+    """Return the same sum with zero mean (over the mask) in every texture but the first, which takes the constants.
 
     A constant c moved out of a texture that is looked up m times is m·c in the sum.
     """
@@ -255,7 +255,7 @@ def centred(terms: tuple[Term, ...]) -> tuple[Term, ...]:
 def domain_masks(
     projections: tuple[Projection, ...], shapes: tuple[Shape, ...], device: torch.device | str = "cpu"
 ) -> tuple[Tensor, ...]:
-    """`domain_mask` of every texture, on a device."""
+    """Return `domain_mask` of every texture, on a device."""
     return tuple(domain_mask(p, shape).to(device) for p, shape in zip(projections, shapes, strict=True))
 
 
@@ -270,7 +270,7 @@ def domain_mask(projection: Projection, shape: Shape) -> Tensor:
 
 @lru_cache(maxsize=8)
 def extreme_points(system: CoordinateSystem) -> Tensor:
-    """Points (M, k) whose hull is the domain: the corners of a box, or pairs of points on two discs' rims."""
+    """Return points (M, k) whose hull is the domain: the corners of a box, or pairs of points on two discs' rims."""
     if system.domain == "box":
         corners = torch.tensor([-1.0, 1.0], dtype=torch.float64, device="cpu")
         return torch.cartesian_prod(*[corners] * system.dimension)
@@ -282,7 +282,7 @@ def extreme_points(system: CoordinateSystem) -> Tensor:
 
 
 def residual(samples: LogSamples, terms: tuple[Term, ...]) -> Tensor:
-    """f̃ minus what `terms` already explain, (N, C)."""
+    """Return f̃ minus what `terms` already explain, (N, C)."""
     if not terms:
         return samples.logs
     explained = torch.empty_like(samples.logs)

@@ -15,7 +15,7 @@ _MOST = 3.0  # of the scale: a wider bar runs out of the chart
 
 
 def albedo_band(bars: ErrorBars, width: int) -> np.ndarray | None:
-    """The chart (HEIGHT, width, 3) of uint8: what the source reflects over what the fit does; None without bars.
+    """Return the chart (HEIGHT, width, 3) of uint8: what the source reflects over what the fit does; None without bars.
 
     Angles that were not measured have no band.
     """

@@ -53,7 +53,7 @@ def slice_values(reflectance: Reflectance, to_rgb: Callable[[Tensor], Tensor] | 
 def lobe_values(
     reflectance: Reflectance, degrees: float, to_rgb: Callable[[Tensor], Tensor] | None = None
 ) -> tuple[Tensor, Tensor]:
-    """(θo in radians from −90° to 90°, luminance of f in sr⁻¹) for light at −`degrees` in the same plane."""
+    """Return (θo in radians from −90° to 90°, luminance of f in sr⁻¹) for light at −`degrees` in the same plane."""
     theta = torch.linspace(-89.5, 89.5, 359, dtype=torch.float64) * (math.pi / 180)
     light = torch.full_like(theta, -math.radians(degrees))
     wi, wo = from_spherical(light, 0 * light), from_spherical(theta, 0 * theta)

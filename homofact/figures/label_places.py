@@ -34,7 +34,7 @@ def place_labels(
     lines: Sequence[tuple[float, float]] = (),
     radius: float = 4.0,
 ) -> list[Place]:
-    """A place for every label of `sizes` (width, height) beside its point, all in one unit (1/72 inch).
+    """Return a place for every label of `sizes` (width, height) beside its point, all in one unit (1/72 inch).
 
     `points` and `others` are discs of `radius` to be left free, `lines` are places along lines to be left free
     where that is possible, `bounds` (x0, y0, x1, y1) is what the labels should stay within.
@@ -133,7 +133,7 @@ def _cost_alone(
 
 
 def nearest_edge(point: tuple[float, float], box: Sequence[float]) -> tuple[float, float]:
-    """The place on a box that is nearest to a point."""
+    """Return the place on a box that is nearest to a point."""
     return min(max(point[0], box[0]), box[2]), min(max(point[1], box[1]), box[3])
 
 

@@ -42,7 +42,7 @@ class PicturePage:
         return self._reach(top + LINE * len(lines))
 
     def wrapped(self, text: str, width: int, bold: bool = False) -> list[str]:
-        """`text` broken at spaces into lines that fit `width` pixels.
+        """Return `text` broken at spaces into lines that fit `width` pixels.
 
         A longer word, as a file's name, is broken behind the last of its marks that fits, else anywhere.
         """

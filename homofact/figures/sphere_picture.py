@@ -51,7 +51,7 @@ def drawn_sphere(
     view: tuple[float, float, float] = (0.0, 0.0, 1.0),
     to_rgb: ToRgb | None = None,
 ) -> SpherePicture:
-    """One lit sphere.
+    """Return one lit sphere.
 
     `exposure` is a factor, else `automatic_exposure`; `stops` are powers of two on top of it. Raises BadInput for
     what `draw_sphere` and `tonemap` refuse.
@@ -64,7 +64,7 @@ def drawn_sphere(
 
 
 def caption(light: Light | Sequence[Light], report: PictureReport) -> str:
-    """The line that states light, exposure, white point and the share of clipped pixels."""
+    """Return the line that states light, exposure, white point and the share of clipped pixels."""
     lights = [light] if isinstance(light, DirectionalLight | EnvironmentMap) else light
     return (
         f"Light: {'; '.join(light.describe() for light in lights)}. Exposure {report.exposure:.4g}, linear sRGB, white"
@@ -73,5 +73,5 @@ def caption(light: Light | Sequence[Light], report: PictureReport) -> str:
 
 
 def curve_in_words(curve: str) -> str:
-    """A curve of `rendering.tonemap` as it is written in a sentence."""
+    """Return a curve of `rendering.tonemap` as it is written in a sentence."""
     return curve.replace("srgb", "sRGB")

@@ -53,7 +53,7 @@ _DAMAGE = (
 
 
 def member_names(path: object, raw: bytes, expected: str) -> list[str]:
-    """Names of the archive's .npy members without their ending, in its order. Raises BadInput where damaged."""
+    """Return names of the archive's .npy members without their ending, in its order. Raises BadInput where damaged."""
     try:
         with zipfile.ZipFile(io.BytesIO(raw)) as archive:
             return [name.removesuffix(".npy") for name in archive.namelist() if name.endswith(".npy")]
@@ -62,7 +62,7 @@ def member_names(path: object, raw: bytes, expected: str) -> list[str]:
 
 
 def read_arrays(path: object, raw: bytes, wanted: Iterable[str], expected: str) -> dict[str, np.ndarray]:
-    """The arrays called `wanted` that the archive `raw` holds; one that it lacks is left out.
+    """Return the arrays called `wanted` that the archive `raw` holds; one that it lacks is left out.
 
     `expected` says what the archive should have been ("a whole .npz of samples"). Raises BadInput for a
     damaged archive, pickled or structured arrays, and sizes that the file cannot bear out.
@@ -88,7 +88,7 @@ def read_arrays(path: object, raw: bytes, wanted: Iterable[str], expected: str) 
 
 
 def read_header(path: object, arrays: dict[str, np.ndarray], expected: str) -> dict[str, Any]:
-    """The JSON object in the array "header". Raises BadInput where it is missing or holds anything else."""
+    """Return the JSON object in the array "header". Raises BadInput where it is missing or holds anything else."""
     text = arrays.get("header")
     if text is None or text.shape != () or text.dtype.kind != "U":
         raise BadInput("holds no header", where=path, expected=expected)
@@ -122,7 +122,7 @@ def write_arrays(path: str | os.PathLike[str], arrays: dict[str, np.ndarray]) ->
 
 
 def saved_file(place: str | os.PathLike[str], *others: str) -> Path:
-    """The saved fit in a result's folder, or of `others` the first that is there; or the file itself.
+    """Return the saved fit in a result's folder, or of `others` the first that is there; or the file itself.
 
     A result that a killed run has left aside is put back first. Raises BadInput for a folder without any.
     """
@@ -143,7 +143,7 @@ def write_archive(path: str | os.PathLike[str], header: dict[str, Any], arrays: 
 
 
 def read_archive(path: str | os.PathLike[str]) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-    """(arrays, header) of a saved fit of any kind. Raises BadInput for a file that is none."""
+    """Return (arrays, header) of a saved fit of any kind. Raises BadInput for a file that is none."""
     raw = read_bytes(path, "a saved factorization")
     try:
         arrays = read_arrays(path, raw, member_names(path, raw, _FIT), _FIT)

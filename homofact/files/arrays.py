@@ -41,7 +41,7 @@ class Arrays:
         return values
 
     def flags(self, name: str, shape: Shape) -> np.ndarray:
-        """An array of booleans of this shape."""
+        """Return an array of booleans of this shape."""
         # Any byte but 0 counts as True, but not alike everywhere.
         return self._shaped(name, shape, "b").view(np.uint8) != 0
 

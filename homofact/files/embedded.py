@@ -12,13 +12,13 @@ _PACKAGE = Path(__file__).resolve().parents[1]
 
 
 def root() -> Path:
-    """The folder that holds `FOLDERS`."""
+    """Return the folder that holds `FOLDERS`."""
     inside = _PACKAGE / "embedded"
     return inside if inside.is_dir() else _PACKAGE.parent
 
 
 def embedded(path: str | os.PathLike[str]) -> Path | None:
-    """The file of the package that a path means which does not exist itself; None for any other."""
+    """Return the file of the package that a path means which does not exist itself; None for any other."""
     if os.path.lexists(path):
         return None
     try:
@@ -31,5 +31,5 @@ def embedded(path: str | os.PathLike[str]) -> Path | None:
 
 
 def located(path: str | os.PathLike[str]) -> Path:
-    """The path itself, or the embedded file that it means."""
+    """Return the path itself, or the embedded file that it means."""
     return embedded(path) or Path(path)

@@ -28,7 +28,10 @@ LIBRARIES = {
 
 
 def library(module: str, purpose: str) -> Any:
-    """The module, imported. Raises MissingDependency, which begins with its `purpose`, where its extra is missing."""
+    """Return the module, imported.
+
+    Raises MissingDependency, which begins with its `purpose`, where its extra is missing.
+    """
     try:
         return import_module(module)
     except ImportError as error:
@@ -43,23 +46,23 @@ def check(purpose: str, *modules: str) -> None:
 
 
 def installed(module: str) -> bool:
-    """Whether a library can be imported, as far as can be said without doing so."""
+    """Return whether a library can be imported, as far as can be said without doing so."""
     return util.find_spec(module.partition(".")[0]) is not None
 
 
 def lacking(error: ImportError) -> MissingDependency | None:
-    """What an import that failed wants, where an extra brings it; None for any other fault."""
+    """Return what an import that failed wants, where an extra brings it; None for any other fault."""
     top = (error.name or "").partition(".")[0]
     return _missing(top, top) if top in LIBRARIES and not installed(top) else None
 
 
 def told(module: str, purpose: str) -> str:
-    """The message: what for, which package is missing, and how it is installed."""
+    """Return the message: what for, which package is missing, and how it is installed."""
     return str(_missing(module, purpose))
 
 
 def left_out(modules: Mapping[str, str]) -> str:
-    """One line on what is not made, by the library that each kind of file wants; "" where all are installed.
+    """Return one line on what is not made, by the library that each kind of file wants; "" where all are installed.
 
     left_out({"pictures": "matplotlib", "textures as EXR": "OpenEXR"})
     """

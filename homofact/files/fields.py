@@ -25,7 +25,7 @@ class Fields:
 
     @classmethod
     def read(cls, path: Path, what: str) -> "Fields":
-        """The object that is a whole file. Raises BadInput for one that is missing or holds no JSON object."""
+        """Return the object that is a whole file. Raises BadInput for one that is missing or holds no JSON object."""
         return cls(f"{path}: ", read_json(path, what))
 
     def refuse(self, name: str, expected: str) -> NoReturn:
@@ -34,7 +34,7 @@ class Fields:
         raise BadInput(where=f"{self.place}{name}", found=found, expected=expected)
 
     def value(self, name: str, kind: Any, expected: str = "", **allowed: Any) -> Any:
-        """A value of a kind, checked as a setting with these attributes of `Option` is."""
+        """Return a value of a kind, checked as a setting with these attributes of `Option` is."""
         declared = Declared(name, (kind,), False, None, Option("", **allowed))
         try:
             return declared.read(self.found[name])
@@ -42,11 +42,11 @@ class Fields:
             self.refuse(name, expected or declared.expected)
 
     def text(self, name: str, among: Collection[str] = ()) -> str:
-        """A text, one of `among` where that is given."""
+        """Return a text, one of `among` where that is given."""
         return self.value(name, str, "" if among else "a text", choices=tuple(among))
 
     def whole(self, name: str, least: int, most: int) -> int:
-        """A whole number in a range."""
+        """Return a whole number in a range."""
         return self.value(name, int, least=least, most=most)
 
     def version(self, name: str, newest: int) -> None:
@@ -61,22 +61,22 @@ class Fields:
         return self.value(name, bool)
 
     def numbers(self, name: str, count: int, above: float | None = None) -> list[float]:
-        """`count` finite numbers, each greater than `above`."""
+        """Return `count` finite numbers, each greater than `above`."""
         more = "" if above is None else f" above {above:g}"
         return list(self.value(name, tuple[(float,) * count], f"{count} finite numbers{more}", above=above))
 
     def number(self, name: str, above: float | None = None) -> float:
-        """A finite number greater than `above`."""
+        """Return a finite number greater than `above`."""
         more = "" if above is None else f" above {above:g}"
         return self.value(name, float, f"a finite number{more}", above=above)
 
     def rows(self, name: str, count: int, width: int) -> list[list[float]]:
-        """A matrix of finite numbers, `count` rows of `width`."""
+        """Return a matrix of finite numbers, `count` rows of `width`."""
         rows = self._list(name, count, count, f"{count} rows of {width} finite numbers", lambda row: _row(row, width))
         return [[float(each) for each in row] for row in rows]
 
     def texts(self, name: str, most: int) -> list[str]:
-        """One to `most` different texts."""
+        """Return one to `most` different texts."""
         expected = f"1 to {most} different texts"
         value = self._list(name, 1, most, expected, lambda each: isinstance(each, str))
         if len(set(value)) < len(value):
@@ -84,7 +84,7 @@ class Fields:
         return value
 
     def bits(self, name: str, count: int, width: int) -> list[list[bool]]:
-        """`count` texts of `width` characters 0 and 1."""
+        """Return `count` texts of `width` characters 0 and 1."""
 
         def right(row: Any) -> bool:
             return isinstance(row, str) and len(row) == width and set(row) <= {"0", "1"}
@@ -93,14 +93,14 @@ class Fields:
         return [[character == "1" for character in row] for row in rows]
 
     def inner(self, name: str) -> "Fields":
-        """An object within this one."""
+        """Return an object within this one."""
         value = self.found.get(name)
         if not isinstance(value, dict):
             self.refuse(name, "an object")
         return Fields(f"{self.place}{name}.", value)
 
     def inners(self, name: str, most: int) -> "list[Fields]":
-        """One to `most` objects."""
+        """Return one to `most` objects."""
         value = self._list(name, 1, most, f"1 to {most} objects", lambda each: isinstance(each, dict))
         return [Fields(f"{self.place}{name}[{k}].", each) for k, each in enumerate(value)]
 

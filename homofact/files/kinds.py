@@ -18,7 +18,7 @@ class FolderKind:
     mark: str
 
     def is_at(self, place: Path) -> bool:
-        """Whether a folder is of this kind, or a file is the one that it is known by."""
+        """Return whether a folder is of this kind, or a file is the one that it is known by."""
         return (place / self.mark).is_file() if place.is_dir() else place.name == self.mark
 
 

@@ -63,7 +63,7 @@ def made_folders(folder: Path) -> Iterator[None]:
 
 
 def lock(place: Path, flags: int) -> int | None:
-    """An open handle that holds the lock on `place`; None where another process holds it, or it is gone by now.
+    """Return an open handle that holds the lock on `place`; None where another process holds it, or it is gone by now.
 
     Raises NotImplementedError where there are no locks, and OSError where it cannot be opened.
     """

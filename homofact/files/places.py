@@ -20,7 +20,7 @@ def unwritable_refused(path: str | os.PathLike[str]) -> Iterator[None]:
 
 
 def real_place(path: str | os.PathLike[str]) -> Path:
-    """Where `path` leads through symbolic links, whether or not something is there.
+    """Return where `path` leads through symbolic links, whether or not something is there.
 
     Raises OSError for links that lead in a circle, and for a name that no file can have.
     """

@@ -5,7 +5,7 @@ from typing import Any
 
 
 def plain(value: Any) -> Any:
-    """`value` in JSON's own types: tuples to lists, numbers that are not finite to None, others by str."""
+    """Return `value` in JSON's own types: tuples to lists, numbers that are not finite to None, others by str."""
     if isinstance(value, dict):
         return {str(key): plain(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):

@@ -24,7 +24,7 @@ _FLAGS = os.O_RDONLY | getattr(os, "O_DIRECTORY", 0)
 
 @contextlib.contextmanager
 def private_folder(target: Path) -> Iterator[Path]:
-    """A new hidden folder on the file system of `target`, gone at the end with all that is homofact's in it.
+    """Return a new hidden folder on the file system of `target`, gone at the end with all that is homofact's in it.
 
     What dead runs left beside it is cleaned first. Raises OSError where none can be made.
     """

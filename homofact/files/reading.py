@@ -15,7 +15,7 @@ _DEEPEST, _MOST_DIGITS, _LARGEST_TOML = 100, 20, 1_000_000
 
 
 def read_bytes(path: str | os.PathLike[str], expected: str, *, may_be_empty: bool = False) -> bytes:
-    """All bytes of a file that should be `expected` ("a PNG file").
+    """Return all bytes of a file that should be `expected` ("a PNG file").
 
     Raises BadInput where it is missing, no file but a folder, a pipe or a device, unreadable, or empty where it may not
     be.
@@ -62,7 +62,7 @@ def _refusal(target: Path, error: OSError | ValueError, expected: str) -> BadInp
 
 
 def read_toml(path: str | os.PathLike[str], expected: str) -> dict[str, Any]:
-    """The table that is a TOML file. Raises BadInput where it cannot be read or is no TOML."""
+    """Return the table that is a TOML file. Raises BadInput where it cannot be read or is no TOML."""
     # An empty file is TOML that says nothing.
     data = read_bytes(path, expected, may_be_empty=True)
     if len(data) > _LARGEST_TOML:
@@ -79,7 +79,7 @@ def read_toml(path: str | os.PathLike[str], expected: str) -> dict[str, Any]:
 
 
 def read_json(path: str | os.PathLike[str], expected: str) -> dict[str, Any]:
-    """The object that is a JSON file. Raises BadInput where it cannot be read, is no JSON, or no object."""
+    """Return the object that is a JSON file. Raises BadInput where it cannot be read, is no JSON, or no object."""
     data = read_bytes(path, expected)
     try:
         found = parsed_json(data.decode("utf-8"))
@@ -91,7 +91,10 @@ def read_json(path: str | os.PathLike[str], expected: str) -> dict[str, Any]:
 
 
 def parsed_json(text: str) -> Any:
-    """What a JSON text says. Raises ValueError for one that is none, and for depths and digits that nobody means."""
+    """Return what a JSON text says.
+
+    Raises ValueError for one that is none, and for depths and digits that nobody means.
+    """
     try:
         found = json.loads(text, parse_int=_whole)
         if _depth(found, _DEEPEST) > _DEEPEST:
@@ -124,13 +127,13 @@ def _depth(value: Any, most: int) -> int:
 
 
 def short_json(value: Any) -> str:
-    """A value as JSON has it, cut where it is long."""
+    """Return a value as JSON has it, cut where it is long."""
     text = json.dumps(value, ensure_ascii=False)
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 
 def split_member(path: str | os.PathLike[str]) -> tuple[str, str | None]:
-    """(file, member) of "FILE#MEMBER"; no member where there is no "#", or where a file has that very name."""
+    """Return (file, member) of "FILE#MEMBER"; no member where there is no "#", or where a file has that very name."""
     text = os.fspath(path)
     file, mark, member = text.rpartition("#")
     if not mark or not file or os.path.exists(text):

@@ -16,7 +16,7 @@ class SavedFit(Arrays):
 
     @classmethod
     def read(cls, path: str | os.PathLike[str], form: str, newest: int) -> "SavedFit":
-        """A file of the format `form`, at most of the version `newest`. Raises BadInput for any other."""
+        """Return a file of the format `form`, at most of the version `newest`. Raises BadInput for any other."""
         arrays, header = read_archive(path)
         fields = Fields(f"{os.fspath(path)}: ", header)
         fields.text("format", (form,))

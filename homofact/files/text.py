@@ -13,7 +13,7 @@ _SHOWN = 24
 
 
 def text_of(raw: bytes) -> str:
-    """A text file's bytes as latin-1, which takes every byte; without the mark that Excel puts before UTF-8."""
+    """Return a text file's bytes as latin-1, which takes every byte; without the mark that Excel puts before UTF-8."""
     return raw.removeprefix(_BYTE_ORDER_MARK).decode("latin-1")
 
 
@@ -25,7 +25,7 @@ def beginning(raw: bytes) -> str:
 
 
 def numbered_lines(raw: bytes) -> Iterator[tuple[int, str]]:
-    """(line number from 1, text without surrounding blanks) of every line that is not blank."""
+    """Yield (line number from 1, text without surrounding blanks) of every line that is not blank."""
     for number, line in enumerate(text_of(raw).split("\n"), 1):
         stripped = line.strip()
         if stripped:
@@ -47,7 +47,7 @@ def number_table(
     separator: str | None = None,
     names: Sequence[str] = (),
 ) -> tuple[np.ndarray, list[int]]:
-    """The numbers (rows, columns) of `lines` in float64, and the line of each row.
+    """Return the numbers (rows, columns) of `lines` in float64, and the line of each row.
 
     `what` says what the columns are, for the error, and `names` are their names where they have some; `separator` None
     is blanks. Raises BadInput naming the line for another number of columns and for what is no finite number.
@@ -75,7 +75,7 @@ def number_table(
 
 
 def short(word: str) -> str:
-    """A word in quotes, cut where it is long."""
+    """Return a word in quotes, cut where it is long."""
     return repr(word if len(word) <= 40 else word[:37] + "...")
 
 

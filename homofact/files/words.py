@@ -19,7 +19,7 @@ def harmless(text: str, keep: str = "") -> str:
 
 
 def harmless_words(value: Any) -> Any:
-    """A JSON-able value with all its texts `harmless`, names of entries included; line ends are kept."""
+    """Return a JSON-able value with all its texts `harmless`, names of entries included; line ends are kept."""
     if isinstance(value, str):
         return harmless(value, keep="\n")
     if isinstance(value, dict):
@@ -30,13 +30,13 @@ def harmless_words(value: Any) -> Any:
 
 
 def listed(names: Sequence[str]) -> str:
-    """Names with commas; of more than eight the first, the last and how many they are."""
+    """Return names with commas; of more than eight the first, the last and how many they are."""
     shown = names if len(names) <= 8 else (names[0], "…", f"{names[-1]} ({len(names)})")
     return ", ".join(harmless(each) for each in shown)
 
 
 def on_one_line(text: str) -> str:
-    """The text `harmless` and on one line, its blanks single spaces."""
+    """Return the text `harmless` and on one line, its blanks single spaces."""
     return " ".join(harmless(" ".join(text.split())).split())
 
 

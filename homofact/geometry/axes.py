@@ -48,7 +48,7 @@ MAPS = ("parabolic", "orthographic", "polar")
 
 
 def map_axes(name: str, letter: str) -> tuple[str, str]:
-    """The two axes of a direction map (`MAPS`) of ωi, ωo, h or d ("i", "o", "h", "d")."""
+    """Return the two axes of a direction map (`MAPS`) of ωi, ωo, h or d ("i", "o", "h", "d")."""
     begin = "" if name == "parabolic" else f"{name}_"
     return f"{begin}u_{letter}", f"{begin}v_{letter}"
 
@@ -191,7 +191,7 @@ def _packed(name: str, value: Expression, axes: list[str], statements: list[Let]
 
 
 def stretched(name: str, half: list[Expression], width: float) -> tuple[list[Let], list[Expression], float]:
-    """(statements, axes, factor) of the half vector's raw axes with its radius ρ stretched by w = `width`.
+    """Return (statements, axes, factor) of the half vector's raw axes with its radius ρ stretched by w = `width`.
 
     ρ ↦ asinh(ρ/w)/asinh(1/w), where ρ is the length of parabolic h (two axes) or θh/(π/2) (one). The last factor,
     1/asinh(1/w), is left to the scales. `name` makes the names of the statements unique.

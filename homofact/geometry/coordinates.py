@@ -93,7 +93,10 @@ class CoordinateSystem:
         return axes_of(self.axes, wi, wo, self.scales, warp)
 
     def stretch(self, x: "Tensor", width: float) -> "Tensor":
-        """Coordinates (..., k) without a warp with their half-vector part stretched. Raises BadInput as `evaluate`."""
+        """Return coordinates (..., k) without a warp with their half-vector part stretched.
+
+        Raises BadInput as `evaluate`.
+        """
         count, functions = half_axes(self.axes), _functions(x)
         columns = [x[..., k] for k in range(x.shape[-1])]
         raw = zip(self.axes[:count], columns, self.scales, strict=False)
@@ -163,19 +166,22 @@ COORDINATES = {
 
 
 def coordinate_system(name: str) -> CoordinateSystem:
-    """The system called `name`. Raises BadInput that lists the names."""
+    """Return the system called `name`. Raises BadInput that lists the names."""
     if name not in COORDINATES:
         raise BadInput(where="coordinates", found=repr(name), expected=f"one of {', '.join(COORDINATES)}")
     return COORDINATES[name]
 
 
 def half_axes(axes: Sequence[str]) -> int:
-    """How many of the first axes are the half vector's radius, which a warp stretches; 0 where there is none."""
+    """Return how many of the first axes are the half vector's radius, which a warp stretches; 0 where there is none."""
     return {"u_h": 2, "theta_h": 1}.get(axes[0], 0)
 
 
 def check_half_axes(axes: Sequence[str]) -> int:
-    """`half_axes`, where there are any. Raises BadInput where there are none, and nothing for a warp to stretch."""
+    """Return `half_axes`, where there are any.
+
+    Raises BadInput where there are none, and nothing for a warp to stretch.
+    """
     count = half_axes(axes)
     if count == 0:
         raise BadInput(where="warp", found=f"the coordinates {', '.join(axes)}", expected="some with a half vector")
@@ -185,7 +191,7 @@ def check_half_axes(axes: Sequence[str]) -> int:
 def warped(
     names: Sequence[str], axes: Sequence[Expression], scales: Scales, width: float, name: str
 ) -> tuple[list[Let], list[Expression], Scales]:
-    """(further statements, axes, scales) of coordinates whose half vector is stretched, as `axes.stretched`.
+    """Return (further statements, axes, scales) of coordinates whose half vector is stretched, as `axes.stretched`.
 
     `names` are those of the raw `axes`; `name` begins those of the statements. Raises BadInput where there is no half
     vector.
@@ -236,7 +242,7 @@ def _scaled(axis: Expression, scale: tuple[float, float], values: dict[str, Any]
 
 
 def rusinkiewicz_angles(wi: "Tensor", wo: "Tensor") -> "tuple[Tensor, Tensor, Tensor]":
-    """θh, θd, φd in radians (Rusinkiewicz 1998), φd folded to [0, π/2].
+    """Return θh, θd, φd in radians (Rusinkiewicz 1998), φd folded to [0, π/2].
 
     φd is the azimuth of ωi about h, from the plane of n and h; the fold leaves only the sizes of its components across
     and along that plane. At h = n the plane is undefined; φd is 0 there.

@@ -13,12 +13,12 @@ from homofact.geometry.parabolic import from_disc
 
 
 def normalize(v: Tensor) -> Tensor:
-    """`v` (..., 3) scaled to length 1; the zero vector, which has no direction, becomes the normal."""
+    """Return `v` (..., 3) scaled to length 1; the zero vector, which has no direction, becomes the normal."""
     return normalized(v)
 
 
 def from_spherical(theta: Tensor, phi: Tensor) -> Tensor:
-    """Unit vectors (..., 3) from θ and φ in radians."""
+    """Return unit vectors (..., 3) from θ and φ in radians."""
     sine = torch.sin(theta)
     return torch.stack((sine * torch.cos(phi), sine * torch.sin(phi), torch.cos(theta)), -1)
 
@@ -30,7 +30,7 @@ def from_cosine(cosine: Tensor, phi: Tensor) -> Tensor:
 
 
 def to_spherical(w: Tensor) -> tuple[Tensor, Tensor]:
-    """(θ, φ) of unit vectors, θ in [0, π], φ in (−π, π]; φ is 0 on the axis.
+    """Return (θ, φ) of unit vectors, θ in [0, π], φ in (−π, π]; φ is 0 on the axis.
 
     θ comes from atan2, not acos, which loses half of the digits near the normal.
     """
@@ -58,7 +58,7 @@ def half_difference(wi: Tensor, wo: Tensor) -> tuple[Tensor, Tensor]:
 
 
 def from_half_difference(h: Tensor, d: Tensor) -> tuple[Tensor, Tensor]:
-    """(wi, wo) from the half and difference vectors: the inverse of `half_difference`.
+    """Return (wi, wo) from the half and difference vectors: the inverse of `half_difference`.
 
     wi = dx r + dy s + dz h; wo is wi mirrored at h.
     """
@@ -80,7 +80,7 @@ def _half_frame(h: Tensor) -> tuple[Tensor, Tensor]:
 
 
 def draw_in_discs(count: int, generator: torch.Generator, radius_squared: float = 1.0) -> tuple[Tensor, Tensor]:
-    """`count` pairs (wi, wo), each direction uniform in the parabolic disc with u² + v² < `radius_squared`.
+    """Return `count` pairs (wi, wo), each direction uniform in the parabolic disc with u² + v² < `radius_squared`.
 
     The default for sampling a model: the density of texels is uniform in the same disc. The numbers of
     numbers.md cut the last ring (0.98), where both directions graze.
@@ -95,7 +95,7 @@ def draw_in_discs(count: int, generator: torch.Generator, radius_squared: float 
 
 
 def draw_cosine_weighted(count: int, generator: torch.Generator) -> tuple[Tensor, Tensor]:
-    """`count` pairs (wi, wo), each with density cosθ/π on the hemisphere (Malley's construction)."""
+    """Return `count` pairs (wi, wo), each with density cosθ/π on the hemisphere (Malley's construction)."""
 
     def cosine() -> Tensor:
         squared = torch.rand(count, dtype=torch.float64, generator=generator)
@@ -107,7 +107,7 @@ def draw_cosine_weighted(count: int, generator: torch.Generator) -> tuple[Tensor
 
 
 def draw_uniform(count: int, generator: torch.Generator) -> tuple[Tensor, Tensor]:
-    """`count` pairs (wi, wo), each uniform in solid angle on the upper hemisphere."""
+    """Return `count` pairs (wi, wo), each uniform in solid angle on the upper hemisphere."""
 
     def uniform() -> Tensor:
         z = torch.rand(count, dtype=torch.float64, generator=generator)
@@ -119,7 +119,7 @@ def draw_uniform(count: int, generator: torch.Generator) -> tuple[Tensor, Tensor
 
 
 def grid_of_pairs(side: int) -> tuple[Tensor, Tensor]:
-    """A fixed grid: all pairs of directions at the centres of a side × side square grid inside the discs."""
+    """Return a fixed grid: all pairs of directions at the centres of a side × side square grid inside the discs."""
     centre = (torch.arange(side, dtype=torch.float64) + 0.5) * (2 / side) - 1
     u, v = torch.meshgrid(centre, centre, indexing="xy")
     points = torch.stack((u.reshape(-1), v.reshape(-1)), -1)

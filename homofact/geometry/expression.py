@@ -84,40 +84,40 @@ class Let:
 
 
 def constant(*values: float) -> Expression:
-    """A scalar, or the vector of several values."""
+    """Return a scalar, or the vector of several values."""
     return Expression("constant", len(values), values=tuple(float(value) for value in values))
 
 
 def variable(name: str, dimension: int) -> Expression:
-    """What a parameter or an earlier statement called `name` holds."""
+    """Return what a parameter or an earlier statement called `name` holds."""
     return Expression("name", dimension, text=name)
 
 
 def vector(*parts: Expression) -> Expression:
-    """The vector of scalars and shorter vectors, in order; a single one is what it is."""
+    """Return the vector of scalars and shorter vectors, in order; a single one is what it is."""
     if len(parts) == 1:
         return parts[0]
     return Expression("vector", sum(part.dimension for part in parts), parts)
 
 
 def call(name: str, *arguments: Expression | float) -> Expression:
-    """A function of `FUNCTIONS`; dot gives a scalar."""
+    """Return a function of `FUNCTIONS`; dot gives a scalar."""
     parts = tuple(_expression(argument) for argument in arguments)
     return Expression(name, 1 if name == "dot" else max(part.dimension for part in parts), parts)
 
 
 def fetch(texture: int, uv: Expression, channels: int) -> Expression:
-    """The texture's value at uv in [0, 1]² (or [0, 1]³, for one in three dimensions), linear and clamped."""
+    """Return the texture's value at uv in [0, 1]² (or [0, 1]³, for one in three dimensions), linear and clamped."""
     return Expression("fetch", channels, (uv,), text=str(texture))
 
 
 def cube(texture: int, direction: Expression, level: Expression, channels: int) -> Expression:
-    """The cube map's value in a direction (3,) of any length above 0, linear also between its levels."""
+    """Return the cube map's value in a direction (3,) of any length above 0, linear also between its levels."""
     return Expression("cube", channels, (direction, level), text=str(texture))
 
 
 def table(name: str, dimension: int) -> Expression:
-    """The row of a program's table that belongs to the layer."""
+    """Return the row of a program's table that belongs to the layer."""
     return Expression("table", dimension, text=name)
 
 
@@ -130,7 +130,7 @@ def _infix(operator: str, left: Expression, right: Expression) -> Expression:
 
 
 def component(expression: Expression, k: int) -> Expression:
-    """The scalar expression of component k: names become swizzles, everything else is taken apart.
+    """Return the scalar expression of component k: names become swizzles, everything else is taken apart.
 
     A fetch or cube has no components: its statement is printed whole.
     """
@@ -165,14 +165,14 @@ def _sum(parts: Sequence[Expression]) -> Expression:
 
 
 def nodes(expression: Expression) -> Iterator[Expression]:
-    """Every node of the tree, the root first."""
+    """Yield every node of the tree, the root first."""
     yield expression
     for operand in expression.operands:
         yield from nodes(operand)
 
 
 def needed(statements: Sequence[Let], result: Expression) -> tuple[Let, ...]:
-    """The statements that the result depends on, in their order: nothing is computed that is not read."""
+    """Return the statements that the result depends on, in their order: nothing is computed that is not read."""
     wanted = {node.text for node in nodes(result) if node.kind == "name"}
     kept = []
     for statement in reversed(statements):

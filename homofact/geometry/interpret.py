@@ -28,7 +28,7 @@ def interpret(
     functions: Mapping[str, Callable[..., Any]],
     fetch: Fetch | None = None,
 ) -> dict[str, Value]:
-    """`values`, of the parameters by name, with those of the statements added.
+    """Return `values`, of the parameters by name, with those of the statements added.
 
     `functions` is a table for all of `FUNCTIONS` that the statements use, on single components; dot needs none.
     `fetch` gives the channels of a texture, by its number, at a place; of a cube map the place is the direction with
@@ -45,7 +45,7 @@ def value_of(
     functions: Mapping[str, Callable[..., Any]],
     fetch: Fetch | None = None,
 ) -> Value:
-    """The components of one expression over named values; arguments as `interpret`."""
+    """Return the components of one expression over named values; arguments as `interpret`."""
     kind = expression.kind
     if kind == "constant":
         return list(expression.values)

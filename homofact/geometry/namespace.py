@@ -10,7 +10,7 @@ import numpy as np
 
 
 def namespace(array: Any) -> Any:
-    """The module whose functions take `array`: torch for a tensor, else numpy.
+    """Return the module whose functions take `array`: torch for a tensor, else numpy.
 
     Both have sqrt, exp, expm1, floor, hypot, where, stack, clip, minimum, broadcast_to under the same names.
     """
@@ -19,7 +19,7 @@ def namespace(array: Any) -> Any:
 
 
 def like(values: Any, array: Any) -> Any:
-    """Numbers, a tensor or an array as what `array` is: tensor or array, of its type, on its device."""
+    """Return numbers, a tensor or an array as what `array` is: tensor or array, of its type, on its device."""
     library = namespace(array)
     if library is np:
         return np.asarray(values, dtype=array.dtype)
@@ -27,17 +27,17 @@ def like(values: Any, array: Any) -> Any:
 
 
 def whole(values: Any) -> Any:
-    """Numbers without a fraction as integers of 64 bits."""
+    """Return numbers without a fraction as integers of 64 bits."""
     return values.astype(np.int64) if namespace(values) is np else values.long()
 
 
 def length(v: Any) -> Any:
-    """The lengths (...) of vectors (..., 3)."""
+    """Return the lengths (...) of vectors (..., 3)."""
     return np.sqrt((v * v).sum(-1)) if namespace(v) is np else v.norm(dim=-1)
 
 
 def normalized(v: Any) -> Any:
-    """`v` (..., 3) scaled to length 1; the zero vector, which has no direction, becomes the normal."""
+    """Return `v` (..., 3) scaled to length 1; the zero vector, which has no direction, becomes the normal."""
     library, size = namespace(v), length(v)[..., None]
     tiny = library.finfo(v.dtype).tiny
     return library.where(size > 0, v / library.clip(size, tiny, None), like((0, 0, 1), v))

@@ -15,6 +15,6 @@ def to_disc(w: Tensor) -> Tensor:
 
 
 def from_disc(uv: Tensor) -> Tensor:
-    """Unit vectors (..., 3) of points (..., 2) of the disc."""
+    """Return unit vectors (..., 3) of points (..., 2) of the disc."""
     squared = (uv**2).sum(-1, keepdim=True)
     return torch.cat((2 * uv, 1 - squared), -1) / (1 + squared)

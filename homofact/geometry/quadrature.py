@@ -25,7 +25,7 @@ RINGS, SPOKES = 128, 64
 
 
 def hemisphere_nodes(fixed: Tensor, rings: int = RINGS, spokes: int = SPOKES) -> tuple[Tensor, Tensor]:
-    """Directions (K, M, 3) above the horizon and their solid angles (K, M), M = 2 · rings · spokes.
+    """Return directions (K, M, 3) above the horizon and their solid angles (K, M), M = 2 · rings · spokes.
 
     Σ of solid angle times g over the nodes k is ∫ g dω over the hemisphere, for g peaked at the mirror direction of
     `fixed` (K, 3), at `fixed` itself, or smooth. `fixed` are unit vectors with z > 0. float64.

@@ -21,7 +21,7 @@ from homofact.geometry.namespace import namespace
 
 
 def multiply(a: Any, b: Any) -> Any:
-    """The quaternion product ab, (..., 4), of tensors or of arrays."""
+    """Return the quaternion product ab, (..., 4), of tensors or of arrays."""
     aw, ax, ay, az = (a[..., k] for k in range(4))
     bw, bx, by, bz = (b[..., k] for k in range(4))
     return namespace(a).stack(
@@ -36,7 +36,7 @@ def multiply(a: Any, b: Any) -> Any:
 
 
 def conjugate(q: Tensor) -> Tensor:
-    """(w, −x, −y, −z): the inverse of a unit quaternion."""
+    """Return (w, −x, −y, −z): the inverse of a unit quaternion."""
     return q * torch.tensor([1, -1, -1, -1], dtype=q.dtype, device=q.device)
 
 
@@ -69,17 +69,17 @@ class Rotation:
 
     @classmethod
     def pair(cls, left: Tensor, right: Tensor) -> "Rotation":
-        """The rotation v ↦ left · v · right of R⁴."""
+        """Return the rotation v ↦ left · v · right of R⁴."""
         return cls(torch.stack((left, right)))
 
     @classmethod
     def single(cls, quaternion: Tensor) -> "Rotation":
-        """The rotation v ↦ q v q⁻¹ of R³."""
+        """Return the rotation v ↦ q v q⁻¹ of R³."""
         return cls(quaternion[None])
 
     @classmethod
     def of_numbers(cls, numbers: Tensor) -> "Rotation":
-        """The rotation of a vector of 4 or 8 numbers (or of rows of 4), brought to unit quaternions."""
+        """Return the rotation of a vector of 4 or 8 numbers (or of rows of 4), brought to unit quaternions."""
         return cls(numbers.reshape(-1, 4)).normalized()
 
     @classmethod
@@ -90,7 +90,7 @@ class Rotation:
 
     @classmethod
     def from_matrix(cls, matrix: Tensor) -> "Rotation":
-        """The rotation of a 3 × 3 or 4 × 4 matrix: the inverse of `matrix`.
+        """Return the rotation of a 3 × 3 or 4 × 4 matrix: the inverse of `matrix`.
 
         The products lᵢ v rⱼ of basis quaternions make 16 matrices Mᵢⱼ that are orthogonal to one another, so
         ⟨R, Mᵢⱼ⟩/4 = leftᵢ rightⱼ, a matrix of rank one whose singular vectors are the pair (van Elfrinkhof 1897).
@@ -129,7 +129,7 @@ class Rotation:
         return Rotation(power(self.quaternions, exponent))
 
     def inverse(self) -> "Rotation":
-        """The rotation that undoes this one."""
+        """Return the rotation that undoes this one."""
         return Rotation(conjugate(self.quaternions))
 
     def normalized(self) -> "Rotation":
@@ -137,7 +137,7 @@ class Rotation:
         return Rotation(self.quaternions / self.quaternions.norm(dim=1, keepdim=True))
 
     def matrix(self) -> Tensor:
-        """The 4 × 4 matrix R with R v = left · v · right, or the 3 × 3 one with R v = q v q⁻¹."""
+        """Return the 4 × 4 matrix R with R v = left · v · right, or the 3 × 3 one with R v = q v q⁻¹."""
         q = self.quaternions
         left, right = (q[0], q[1]) if self.dimension == 4 else (q[0], conjugate(q[0]))
         if q.requires_grad or q.device.type != "cpu":
@@ -151,7 +151,7 @@ class Rotation:
 
 
 def basis_rotations(dimension: int = 4) -> tuple[Rotation, ...]:
-    """The starting directions of a search.
+    """Return the starting directions of a search.
 
     In R⁴ d1 … d6 of the thesis (3.1.1): i, j, k on the left, then on the right; in R³ i, j, k.
     """

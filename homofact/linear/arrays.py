@@ -9,7 +9,7 @@ Held: TypeAlias = Any
 
 
 def as_array(values: Any, kind: Any = None) -> np.ndarray:
-    """A tensor of any device, an array or numbers as an array (of the type `kind`), shared where it can be."""
+    """Return a tensor of any device, an array or numbers as an array (of the type `kind`), shared where it can be."""
     if hasattr(values, "detach"):
         values = values.detach().cpu().numpy()
     return np.asarray(values, dtype=kind)

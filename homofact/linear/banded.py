@@ -32,7 +32,7 @@ class BlockBanded:
         (self._forward,) = scipy.linalg.get_lapack_funcs(("tbtrs",), (np.zeros(1),))
 
     def times(self, x: np.ndarray) -> np.ndarray:
-        """R x."""
+        """Return R x."""
         result = np.empty_like(x)
         for own, band in self._parts:
             # LAPACK's rows of an upper band are the diagonals, each beginning at its own column.
@@ -41,15 +41,15 @@ class BlockBanded:
         return result
 
     def back(self, z: np.ndarray) -> np.ndarray:
-        """R⁻¹ z."""
+        """Return R⁻¹ z."""
         return self._turned(z, "N")
 
     def forth(self, x: np.ndarray) -> np.ndarray:
-        """R⁻ᵀ x."""
+        """Return R⁻ᵀ x."""
         return self._turned(x, "T")
 
     def solve(self, rhs: np.ndarray) -> np.ndarray:
-        """(RᵀR)⁻¹ rhs."""
+        """Return (RᵀR)⁻¹ rhs."""
         result = np.empty_like(rhs)
         for own, band in self._parts:
             result[own] = scipy.linalg.cho_solve_banded((band, False), rhs[own], check_finite=False)

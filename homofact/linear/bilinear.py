@@ -46,7 +46,7 @@ def _cell(coordinate: Tensor, size: int, axis: Axis) -> tuple[Tensor, Tensor, Te
 
 
 def lookup(texture: Tensor, uv: Tensor, axes: Axes = CLAMPED) -> Tensor:
-    """Values (N, C) of a texture (rows, columns, C) at points (N, 2)."""
+    """Return values (N, C) of a texture (rows, columns, C) at points (N, 2)."""
     rows, columns, channels = texture.shape
     numbers, weights = stencil(uv.to(texture.dtype), (rows, columns), axes=axes)
     return (texture.reshape(-1, channels)[numbers] * weights[..., None]).sum(1)

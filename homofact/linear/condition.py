@@ -27,7 +27,7 @@ def condition_of_factor(lower: np.ndarray, norm: float) -> float:
 
 
 def determined_share(data: Tensor, weight: float) -> float:
-    """Share of unknowns that samples hold, and not smoothing alone.
+    """Return share of unknowns that samples hold, and not smoothing alone.
 
     From the diagonal (K,) of BᵀWB: an unknown counts where it has at least what one sample of this weight gives each
     of the four texels round it when it falls in their middle, weight/16 twice over.

@@ -13,7 +13,7 @@ from numba.core.caching import FunctionCache
 
 
 def kernel(**options: Any) -> Callable[[Callable], Any]:
-    """The decorator `numba.njit` with these options and with what it compiles kept on the disk."""
+    """Return the decorator `numba.njit` with these options and with what it compiles kept on the disk."""
 
     def compiled(function: Callable) -> Any:
         made = numba.njit(**options)(function)
@@ -30,7 +30,7 @@ class _Kept(FunctionCache):
     """Numba's kept code, of which nothing is missed."""
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """What is kept for a signature; None where that cannot be read, as where there is none."""
+        """Return what is kept for a signature; None where that cannot be read, as where there is none."""
         # Damaged pickles end in errors of any kind.
         try:
             return super().load_overload(sig, target_context)

@@ -20,7 +20,7 @@ from homofact.linear.layout import CLAMPED, Axes, Axis
 
 
 def laplacian(mask: Tensor, axes: Axes = CLAMPED) -> scipy.sparse.csr_matrix:
-    """The rows (T, T), sparse float64 on the CPU, of a texture with T = rows × columns texels.
+    """Return the rows (T, T), sparse float64 on the CPU, of a texture with T = rows × columns texels.
 
     Rows and columns of texels outside `mask` (rows, columns) are empty; `axes` are the kinds of its axes.
     """

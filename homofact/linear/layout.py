@@ -53,21 +53,21 @@ class TexelLayout:
         return sum(self.counts)
 
     def split(self, texels: Tensor) -> tuple[Tensor, ...]:
-        """The textures (rows, columns, …) of a texel vector (T, …)."""
+        """Return the textures (rows, columns, …) of a texel vector (T, …)."""
         parts = texels.split(self.counts)
         return tuple(part.reshape(*shape, *texels.shape[1:]) for part, shape in zip(parts, self.shapes, strict=True))
 
     @staticmethod
     def join(textures: Sequence[Tensor]) -> Tensor:
-        """The texel vector (T, …) of textures, or of masks, (rows, columns, …): the inverse of `split`."""
+        """Return the texel vector (T, …) of textures, or of masks, (rows, columns, …): the inverse of `split`."""
         return torch.cat([texture.flatten(0, 1) for texture in textures])
 
     def owners(self, device: torch.device | str = "cpu") -> Tensor:
-        """The number of the texture that each texel belongs to (T,), int64."""
+        """Return the number of the texture that each texel belongs to (T,), int64."""
         return self.spread(torch.arange(len(self.shapes), device=device))
 
     def spread(self, values: Tensor) -> Tensor:
-        """One value a texture (J,) as one a texel (T,)."""
+        """Return one value a texture (J,) as one a texel (T,)."""
         return torch.cat([value.expand(count) for value, count in zip(values, self.counts, strict=True)])
 
     def whole(self, device: torch.device | str = "cpu") -> tuple[Tensor, ...]:

@@ -38,7 +38,7 @@ class Roughness:
 
     @classmethod
     def of(cls, layout: TexelLayout, masks: tuple[Tensor, ...]) -> "Roughness":
-        """The Laplacian rows of all textures inside their masks (rows, columns)."""
+        """Return the Laplacian rows of all textures inside their masks (rows, columns)."""
         blocks = [laplacian(mask, axes) for mask, axes in zip(masks, layout.axes, strict=True)]
         return cls(scipy.sparse.csr_matrix(scipy.sparse.block_diag(blocks)))
 
@@ -112,7 +112,7 @@ class LeastSquares:
         return self.ridge / RELATIVE_RIDGE
 
     def within(self, kept: Tensor, roughness: Roughness, gauge: Tensor | None) -> "LeastSquares":
-        """The same samples for other kept unknowns, without another pass over them."""
+        """Return the same samples for other kept unknowns, without another pass over them."""
         return replace(self, kept=kept, roughness=roughness, gauge=gauge, sibling=self)
 
     def _has_samples_of(self, other: "LeastSquares") -> bool:
@@ -127,7 +127,7 @@ class LeastSquares:
         return float((texels * self.penalty_scale * rough).sum()) + self.ridge * float(texels.square().sum())
 
     def normal(self) -> tuple[Tensor, Tensor]:
-        """(BᵀWB + λ'LᵀL + δI, BᵀWf) restricted to the kept unknowns: (K, K), (K, C), dense."""
+        """Return (BᵀWB + λ'LᵀL + δI, BᵀWf) restricted to the kept unknowns: (K, K), (K, C), dense."""
         kept = self.kept
         matrix = self.data.matrix.clone()
         _add_penalty(matrix, self.roughness, self.penalty_scale, self.ridge)
@@ -154,13 +154,13 @@ class LeastSquares:
         return scipy.sparse.csr_matrix(stacked), targets
 
     def expand(self, solution: Tensor) -> Tensor:
-        """(T, C) with the kept unknowns filled in and zeros elsewhere, where the samples are."""
+        """Return (T, C) with the kept unknowns filled in and zeros elsewhere, where the samples are."""
         result = torch.zeros(self.unknowns, solution.shape[1], dtype=torch.float64, device=self.kept.device)
         result[self.kept] = solution.to(result.device)
         return result
 
     def residuals(self, texels: Tensor) -> Tensor:
-        """f − By (N, C), by a pass over the samples."""
+        """Return f − By (N, C), by a pass over the samples."""
         numbers, values = stencil_rows(self.coordinates, self.lookups)
         return self.targets - (texels[numbers] * values[..., None]).sum(1)
 
@@ -177,7 +177,7 @@ def solve_penalised(
     lookups: int,
     without: NormalEquations | None = None,
 ) -> Tensor:
-    """Texels (T, C) of accumulated samples, all of them or all `without` a part; all texels kept.
+    """Return texels (T, C) of accumulated samples, all of them or all `without` a part; all texels kept.
 
     Where the matrix is not positive definite to working precision, the answer of minimum norm.
     """
@@ -202,7 +202,7 @@ def solve_penalised(
 
 
 def minimum(problem: LeastSquares) -> tuple[Tensor, float]:
-    """(texels (T, C), the penalised sum of squares there) of a problem of which nothing else is asked.
+    """Return (texels (T, C), the penalised sum of squares there) of a problem of which nothing else is asked.
 
     All texels are kept and there is no gauge. On the CPU only a lower triangle is ever made. The value is
     Σ w f² − yᵀBᵀWf, what is left of the penalised sum at its minimum.
@@ -231,7 +231,7 @@ def _add_penalty(matrix: Tensor, roughness: Roughness, scale: Tensor, ridge: flo
 
 
 def minimum_norm(matrix: Tensor, rhs: Tensor) -> Tensor:
-    """The shortest x (T, C) of a symmetric system that is only semidefinite to working precision."""
+    """Return the shortest x (T, C) of a symmetric system that is only semidefinite to working precision."""
     values, vectors = torch.linalg.eigh(matrix)
     # Directions under the rounding of the largest eigenvalue carry no information.
     sound = values > values[-1] * matrix.shape[0] * torch.finfo(matrix.dtype).eps
@@ -240,7 +240,7 @@ def minimum_norm(matrix: Tensor, rhs: Tensor) -> Tensor:
 
 
 def design_of(numbers: Tensor, values: Tensor, unknowns: int) -> scipy.sparse.csr_matrix:
-    """The sparse rows (N, T) of stencils (N, k), on the CPU; what a row reads twice is one entry."""
+    """Return the sparse rows (N, T) of stencils (N, k), on the CPU; what a row reads twice is one entry."""
     count, width = numbers.shape
     entries = (_array(values).ravel(), _array(numbers).ravel(), np.arange(count + 1) * width)
     made = scipy.sparse.csr_matrix(entries, shape=(count, unknowns))

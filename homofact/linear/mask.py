@@ -54,7 +54,7 @@ def covered(points: Tensor, shape: Shape, axes: Axes = CLAMPED) -> Tensor:
 
 
 def grown(mask: Tensor, steps: int, axes: Axes = CLAMPED) -> Tensor:
-    """The mask (rows, columns) and all texels within `steps` of it, diagonals too; round, and across a pole."""
+    """Return the mask (rows, columns) and all texels within `steps` of it, diagonals too; round, and across a pole."""
     from scipy.ndimage import binary_dilation
 
     array = mask.cpu().numpy()
@@ -69,7 +69,7 @@ def grown(mask: Tensor, steps: int, axes: Axes = CLAMPED) -> Tensor:
 
 
 def filled(texture: Tensor, mask: Tensor, axes: Axes = CLAMPED) -> Tensor:
-    """Texels outside of the mask take the value of the nearest inside: a safe guess, and harmless to filters."""
+    """Return texels outside of the mask take the value of the nearest inside: a safe guess, and harmless to filters."""
     from scipy.ndimage import distance_transform_edt
 
     outside = ~mask.cpu().numpy()

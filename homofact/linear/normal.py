@@ -62,7 +62,7 @@ class NormalEquations:
 
 
 def total(parts: Sequence[NormalEquations]) -> NormalEquations:
-    """The equations of all samples of `parts`, added in their order."""
+    """Return the equations of all samples of `parts`, added in their order."""
     matrix, rhs, energy = parts[0].matrix.clone(), parts[0].rhs, parts[0].energy
     for part in parts[1:]:
         matrix += part.matrix
@@ -87,7 +87,7 @@ def accumulate_torch(
     unknowns: int,
     chunk: int = 65_536,
 ) -> NormalEquations:
-    """The same on any device: scattered outer products, `chunk` samples at a time."""
+    """Return the same on any device: scattered outer products, `chunk` samples at a time."""
     device, size = coordinates.device, unknowns
     matrix = torch.zeros(size * size, dtype=torch.float64, device=device)
     rhs = torch.zeros(size, targets.shape[1], dtype=torch.float64, device=device)
@@ -119,7 +119,7 @@ def stencil_rows(coordinates: Tensor, lookups: tuple[Lookup, ...]) -> tuple[Tens
 def accumulate_compiled(
     coordinates: Tensor, lookups: tuple[Lookup, ...], targets: Tensor, weights: Tensor, unknowns: int
 ) -> NormalEquations:
-    """The same on the CPU, compiled: stencils are made and used sample by sample, none is stored."""
+    """Return the same on the CPU, compiled: stencils are made and used sample by sample, none is stored."""
     halves, rhs, energy = accumulate_lower(coordinates, lookups, targets, weights, unknowns)
     matrix = torch.from_numpy(symmetric_total(halves))
     return NormalEquations(matrix, torch.from_numpy(rhs), torch.from_numpy(energy), float(weights.sum()))
@@ -128,7 +128,7 @@ def accumulate_compiled(
 def accumulate_lower(
     coordinates: Tensor, lookups: tuple[Lookup, ...], targets: Tensor, weights: Tensor, unknowns: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(lower triangles (P, T, T) whose sum is BᵀWB's, BᵀWf (T, C), Σ w f² (C,)) of samples on the CPU."""
+    """Return (lower triangles (P, T, T) whose sum is BᵀWB's, BᵀWf (T, C), Σ w f² (C,)) of samples on the CPU."""
     entries = 4 * len(lookups)
     arrays = (coordinates.contiguous().numpy(), *pack(lookups), targets.contiguous().numpy())
     weighting = weights.contiguous().numpy()
@@ -244,7 +244,7 @@ def _accumulate(x, matrices, layout, targets, weights, matrix, begin, end):  # p
 def gradient(
     coordinates: Tensor, lookups: tuple[Lookup, ...], targets: Tensor, weights: Tensor, texels: Tensor
 ) -> tuple[Tensor, float]:
-    """(∂/∂M of Σn wn |fn − (By)n|² at fixed texels (L, 2, 4), that sum): compiled on the CPU, torch elsewhere.
+    """Return (∂/∂M of Σn wn |fn − (By)n|² at fixed texels (L, 2, 4), that sum): compiled on the CPU, torch elsewhere.
 
     The columns past a lookup's k are zero. A cell is 2/(M − 1) wide, on a periodic axis 2/M. In the flat cells that
     clamping makes the derivative is 0; at the kinks between cells it is that of the cell the floor picks.

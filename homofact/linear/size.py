@@ -19,7 +19,7 @@ _CGROUP = Path("/sys/fs/cgroup/memory.max")
 
 
 def is_dense(unknowns: int) -> bool:
-    """Whether systems of so many unknowns are made dense."""
+    """Return whether systems of so many unknowns are made dense."""
     return unknowns <= MOST_DENSE
 
 
@@ -41,7 +41,7 @@ def memory_of_machine() -> int | None:
 
 
 def room_in_memory() -> float | None:
-    """Bytes of arrays that fit beside the libraries into the machine's memory; None where it is unknown."""
+    """Return bytes of arrays that fit beside the libraries into the machine's memory; None where it is unknown."""
     has = memory_of_machine()
     return None if has is None else has - _BESIDE
 

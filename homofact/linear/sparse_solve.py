@@ -51,7 +51,7 @@ class Sparse:
 
     @classmethod
     def of(cls, problem: LeastSquares) -> "Sparse":
-        """The matrices of a problem, made in one pass over its samples."""
+        """Return the matrices of a problem, made in one pass over its samples."""
         kept = problem.kept.cpu().numpy()
         design = design_of(*stencil_rows(problem.coordinates, problem.lookups), problem.unknowns)[:, kept]
         scale = scipy.sparse.diags(problem.penalty_scale.cpu().numpy().ravel())
@@ -77,7 +77,7 @@ class Sparse:
         return weights @ self.problem.targets.cpu().numpy() ** 2
 
     def times(self, texels: np.ndarray) -> np.ndarray:
-        """A y of texels (K, C)."""
+        """Return a y of texels (K, C)."""
         held = self.problem.gauge_scale * (self.gauge @ (self.gauge.T @ texels))
         return self.weighted @ (self.design @ texels) + self.penalty @ texels + held
 
@@ -134,7 +134,7 @@ def conjugate(problem: LeastSquares) -> Answer:
 
 
 def condition_from_below(problem: LeastSquares) -> float:
-    """The condition number as `conjugate` estimates it, of a problem that another solver has solved."""
+    """Return the condition number as `conjugate` estimates it, of a problem that another solver has solved."""
     return conjugate(replace(problem, targets=problem.targets[:, :1])).condition
 
 
@@ -188,12 +188,12 @@ class _Coarse:
         self._factor = scipy.linalg.cho_factor(coarse, lower=True, overwrite_a=True, check_finite=False)
 
     def solve(self, residual: np.ndarray) -> np.ndarray:
-        """R (RᵀAR)⁻¹ Rᵀ residual."""
+        """Return R (RᵀAR)⁻¹ Rᵀ residual."""
         return self._finer @ scipy.linalg.cho_solve(self._factor, self._coarser @ residual, check_finite=False)
 
 
 def textures_of(problem: LeastSquares) -> list[tuple[int, Shape, Axes]]:
-    """(first unknown, shape, axes) of every texture, in order; several lookups may share one."""
+    """Return (first unknown, shape, axes) of every texture, in order; several lookups may share one."""
     textures = {lookup.offset: (lookup.shape, lookup.axes) for lookup in problem.lookups}
     return [(offset, *textures[offset]) for offset in sorted(textures)]
 

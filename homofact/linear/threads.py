@@ -24,7 +24,7 @@ _inside = threading.local()
 
 
 def one_thread(function: Callable[P, R]) -> Callable[P, R]:
-    """The function with torch and BLAS set to one thread while it runs, and as before afterwards."""
+    """Return the function with torch and BLAS set to one thread while it runs, and as before afterwards."""
 
     @wraps(function)
     def wrapped(*args: P.args, **kwargs: P.kwargs) -> R:

@@ -58,17 +58,17 @@ class Aim:
     sums: "csr_matrix"
 
     def exposure(self, light: np.ndarray) -> float:
-        """The factor before the curve of a picture whose radiance is `light` (Q,)."""
+        """Return the factor before the curve of a picture whose radiance is `light` (Q,)."""
         if self.kind == "lamp":
             return TARGET / max(float(np.percentile(light, PERCENTILE)), 1e-12)
         return MIDDLE / max(float(np.median(light)), 1e-12)
 
     def displayed(self, light: np.ndarray, exposure: float) -> np.ndarray:
-        """The displayed values of radiances."""
+        """Return the displayed values of radiances."""
         return _srgb(light * exposure if self.kind == "lamp" else _filmic(light * exposure))
 
     def slope(self, light: np.ndarray) -> np.ndarray:
-        """How much the error of `light` (Q,) counts: the slope of its display, or 1/light."""
+        """Return how much the error of `light` (Q,) counts: the slope of its display, or 1/light."""
         if self.kind in ("albedo", "highlight"):
             return 1 / np.maximum(light, 1e-12)
         exposure, step = self.exposure(light), 1e-4
@@ -87,7 +87,7 @@ class MeasuringAims:
     aims: tuple[Aim, ...]
 
     def light(self, values: np.ndarray) -> dict[str, list[np.ndarray]]:
-        """The integrals (Q, C) of values (P, C), by kind."""
+        """Return the integrals (Q, C) of values (P, C), by kind."""
         found: dict[str, list[np.ndarray]] = {}
         for aim in self.aims:
             found.setdefault(aim.kind, []).append(np.asarray(aim.sums @ values[aim.part]))
@@ -127,7 +127,7 @@ class MeasuringAims:
 
 @lru_cache(maxsize=2)
 def measuring_aims(grid: HalfGrid) -> MeasuringAims:
-    """The aims on a grid."""
+    """Return the aims on a grid."""
     parts = [*_lamps(), _under_sky(), *_reflected()]
     wi, wo = torch.cat([part[1] for part in parts]), torch.cat([part[2] for part in parts])
     aims, start = [], 0

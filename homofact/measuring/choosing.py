@@ -26,7 +26,7 @@ class Uncertainty:
     noise: float
 
     def after(self, matrix: "csr_matrix") -> "Uncertainty":
-        """The same once the rows of a matrix (N, n) are measured."""
+        """Return the same once the rows of a matrix (N, n) are measured."""
         taken = self.taken(matrix)
         return Uncertainty(self.covariance - taken.T @ taken, self.weights, self.noise)
 
@@ -37,13 +37,13 @@ class Uncertainty:
         return under(root, across)
 
     def gain(self, matrix: "csr_matrix") -> float:
-        """What measuring the rows of a matrix takes off tr(W Σ)."""
+        """Return what measuring the rows of a matrix takes off tr(W Σ)."""
         taken = self.taken(matrix)
         return float(((taken @ self.weights) * taken).sum())
 
 
 def uncertainties(posterior: BrdfPosterior, weights: np.ndarray) -> list[Uncertainty]:
-    """The uncertainties of L and of the ratios."""
+    """Return the uncertainties of L and of the ratios."""
     # Measured values cannot be surer than the model is of itself.
     level, colour = posterior.total, posterior.colour_covariance
     return [
@@ -53,7 +53,7 @@ def uncertainties(posterior: BrdfPosterior, weights: np.ndarray) -> list[Uncerta
 
 
 def chosen_rows(blocks: Sequence[Uncertainty], matrix: "csr_matrix", count: int) -> list[int]:
-    """`count` rows of a matrix (N, n) of candidates, in the order in which they were chosen."""
+    """Return `count` rows of a matrix (N, n) of candidates, in the order in which they were chosen."""
     states = []
     for block in blocks:
         across = np.asarray(matrix @ block.covariance)
@@ -78,7 +78,7 @@ def chosen_rows(blocks: Sequence[Uncertainty], matrix: "csr_matrix", count: int)
 
 
 def chosen_groups(blocks: Sequence[Uncertainty], groups: Sequence["csr_matrix"], count: int) -> list[int]:
-    """`count` of several groups of rows, each measured as a whole, in the order in which they were chosen."""
+    """Return `count` of several groups of rows, each measured as a whole, in the order in which they were chosen."""
     left, chosen = list(blocks), []
     for _ in range(min(count, len(groups))):
         gains = [

@@ -54,7 +54,7 @@ class Foretold:
 
 
 def aim_errors(aims: MeasuringAims, truth: np.ndarray, estimate: np.ndarray) -> AimErrors:
-    """The errors of estimated values (P, C) at the pairs of the aims against true ones."""
+    """Return the errors of estimated values (P, C) at the pairs of the aims against true ones."""
     logs: dict[str, tuple[float, ...]] = {}
     squared = []
     for aim in aims.aims:
@@ -74,7 +74,7 @@ def _squared(aim: Aim, own: np.ndarray, truth: np.ndarray) -> float:
 
 
 def foretold(prior: BrdfPrior, posterior: BrdfPosterior, aims: MeasuringAims, seed: int = 0) -> Foretold:
-    """The error that the mean of a posterior is expected to have."""
+    """Return the error that the mean of a posterior is expected to have."""
     estimate = posterior.values(aims.matrix)
     errors = [aim_errors(aims, values, estimate) for values in _drawn(posterior, aims, seed)]
     psnr = np.array([each.psnr for each in errors])

@@ -65,7 +65,7 @@ class Goniometer:
                 raise BadInput(where=name, found=getattr(self, name), expected=f"a number from {least:g} to {most:g}")
 
     def directions(self) -> np.ndarray:
-        """Angles (N, 3) of θi, θo, φ in degrees that single measurements are chosen from, none twice.
+        """Return angles (N, 3) of θi, θo, φ in degrees that single measurements are chosen from, none twice.
 
         Raises BadInput where the limits leave none, with the angles that they allow.
         """
@@ -83,7 +83,7 @@ class Goniometer:
         return found
 
     def incidences(self) -> list[np.ndarray]:
-        """The angles (N, 3) in degrees that each incidence is measured at, multiples of 5° with the limits."""
+        """Return the angles (N, 3) in degrees that each incidence is measured at, multiples of 5° with the limits."""
         low, high = self.theta_i
         angles = sorted({low, high, *(5.0 * k for k in range(math.ceil(low / 5), math.floor(high / 5) + 1))})
         found = [self.ring(angle) for angle in angles]
@@ -93,7 +93,7 @@ class Goniometer:
         return found
 
     def ring(self, theta_i: float) -> np.ndarray:
-        """The angles (N, 3) of one incidence: steps of θo and φ, and more in the plane about the mirror direction."""
+        """Return the angles (N, 3) of one incidence: steps of θo and φ, more of them about the mirror direction."""
         low, high = self.theta_o
         theta = np.append(np.arange(low, high, self.rings), high)
         phi = np.append(np.arange(self.phi[0], self.phi[1], self.azimuths), self.phi[1])
@@ -107,12 +107,12 @@ class Goniometer:
         return found[self._allowed(found)]
 
     def moves(self, angles: np.ndarray) -> np.ndarray:
-        """Seconds (N, N) from each of the places (N, 3) to each other."""
+        """Return seconds (N, N) from each of the places (N, 3) to each other."""
         gaps = np.abs(angles[:, None] - angles[None])
         return (gaps / self.speed + self.settle * (gaps > _SLACK)).sum(-1)
 
     def first_moves(self, angles: np.ndarray) -> np.ndarray:
-        """Seconds (N,) to the places (N, 3) from where the axes are parked, their least angles."""
+        """Return seconds (N,) to the places (N, 3) from where the axes are parked, their least angles."""
         gaps = np.abs(angles - np.array([self.theta_i[0], self.theta_o[0], self.phi[0]]))
         return (gaps / self.speed + self.settle * (gaps > _SLACK)).sum(-1)
 
@@ -144,7 +144,7 @@ class Goniometer:
 
 
 def separations(angles: np.ndarray) -> np.ndarray:
-    """The angle (N,) in degrees between light and detector at angles (N, 3)."""
+    """Return the angle (N,) in degrees between light and detector at angles (N, 3)."""
     wi, wo = directions_of(angles)
     cosine = (wi * wo).sum(1).clamp(-1, 1)
     across = torch.linalg.cross(wi, wo).norm(dim=1)
@@ -152,6 +152,6 @@ def separations(angles: np.ndarray) -> np.ndarray:
 
 
 def directions_of(angles: np.ndarray) -> tuple[Tensor, Tensor]:
-    """(ωi, ωo), (N, 3) each, of angles (N, 3) in degrees; the light is at φ = 0."""
+    """Return (ωi, ωo), (N, 3) each, of angles (N, 3) in degrees; the light is at φ = 0."""
     theta_i, theta_o, phi = torch.from_numpy(np.ascontiguousarray(angles, dtype=np.float64)).deg2rad().unbind(1)
     return from_spherical(theta_i, torch.zeros_like(phi)), from_spherical(theta_o, phi)

@@ -31,19 +31,19 @@ class HalfGrid:
         return math.prod(self.shape)
 
     def nodes(self) -> np.ndarray:
-        """Coordinates (size, 3) of the nodes in [0, 1]."""
+        """Return coordinates (size, 3) of the nodes in [0, 1]."""
         axes = [np.linspace(0, 1, count) for count in self.shape]
         return np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
 
     def places(self, wi: "Tensor", wo: "Tensor") -> np.ndarray:
-        """Coordinates (N, 3) in [0, 1] of pairs of directions (N, 3)."""
+        """Return coordinates (N, 3) in [0, 1] of pairs of directions (N, 3)."""
         angles = np.stack([angle.numpy() for angle in rusinkiewicz_angles(wi, wo)], 1) / (math.pi / 2)
         angles = angles.clip(0, 1)
         angles[:, 0] = np.sqrt(angles[:, 0])
         return angles
 
     def matrix(self, wi: "Tensor", wo: "Tensor") -> "csr_matrix":
-        """The sparse matrix (N, size) that takes values at the nodes to values at pairs of directions (N, 3)."""
+        """Return the sparse matrix (N, size) that takes values at the nodes to values at pairs of directions (N, 3)."""
         from scipy.sparse import csr_matrix
 
         places = self.places(wi, wo)

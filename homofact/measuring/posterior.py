@@ -71,7 +71,7 @@ class BrdfPosterior:
 
 
 def before_samples(prior: BrdfPrior, channels: int) -> BrdfPosterior:
-    """What is known before the first sample."""
+    """Return what is known before the first sample."""
     count = len(prior.scores)
     return BrdfPosterior(
         np.full(count, 1 / count), prior.centres, np.ones(count), prior.covariance,
@@ -80,7 +80,7 @@ def before_samples(prior: BrdfPrior, channels: int) -> BrdfPosterior:
 
 
 def after_samples(prior: BrdfPrior, samples: "Samples") -> BrdfPosterior:
-    """What is known of a material by its samples."""
+    """Return what is known of a material by its samples."""
     matrix = prior.grid.matrix(samples.wi, samples.wo)
     return after_values(prior, matrix, samples.values.numpy())
 
@@ -120,7 +120,7 @@ def _kriged(covariance: np.ndarray, matrix: "csr_matrix") -> tuple[np.ndarray, n
 
 
 def under(root: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """R⁻¹ times a matrix, R lower triangular."""
+    """Return R⁻¹ times a matrix, R lower triangular."""
     from scipy.linalg import solve_triangular
 
     return solve_triangular(root, right, lower=True, check_finite=False)

@@ -69,7 +69,7 @@ class BrdfPrior:
 
     @classmethod
     def of(cls, grid: HalfGrid, logs: np.ndarray, ratios: np.ndarray) -> "BrdfPrior":
-        """The statistics of materials: L (M, n) and ratios (M, C, n) at the nodes."""
+        """Return the statistics of materials: L (M, n) and ratios (M, C, n) at the nodes."""
         mean = logs.mean(0)
         left, deviations, right = np.linalg.svd((logs - mean) / np.sqrt(len(logs) - 1), full_matrices=False)
         kept = min(VECTORS, len(deviations))
@@ -104,7 +104,7 @@ class BrdfPrior:
         return deviations[:, None] * self.grid.correlation(LENGTHS) * deviations
 
     def record(self) -> dict[str, Any]:
-        """The table as JSON holds it: 8-bit vectors and scores, 16-bit means."""
+        """Return the table as JSON holds it: 8-bit vectors and scores, 16-bit means."""
         small = ("vectors", "scores", "rest", "colour", "colour_rest")
         arrays = {"mean": _packed(self.mean, np.int16)}
         arrays |= {name: _packed(getattr(self, name), np.int8) for name in small}
@@ -114,14 +114,14 @@ class BrdfPrior:
 
     @classmethod
     def from_record(cls, record: Mapping[str, Any]) -> "BrdfPrior":
-        """The table of `record`."""
+        """Return the table of `record`."""
         arrays = {name: _unpacked(packed) for name, packed in record["arrays"].items()}
         return cls(HalfGrid(tuple(record["grid"])), widening=record["widening"], **arrays)
 
 
 @lru_cache(maxsize=2)
 def read_prior(path: Path = TABLE) -> BrdfPrior:
-    """The table in the package. Raises BadInput where it is missing, damaged or of another version."""
+    """Return the table in the package. Raises BadInput where it is missing, damaged or of another version."""
     try:
         stored = json.loads(path.read_text(encoding="utf-8"))
         if stored["version"] == VERSION:

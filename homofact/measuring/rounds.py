@@ -88,7 +88,7 @@ def check_samples(samples: "Samples") -> None:
 
 
 def posterior_of(prior: BrdfPrior, samples: "Samples | None", channels: int, seed: int = 0) -> BrdfPosterior:
-    """What samples tell, at most `MOST_SAMPLES` of them; what is known before the first where there are none."""
+    """Return what samples tell, at most `MOST_SAMPLES` of them; what is known before the first where there are none."""
     if samples is None:
         return before_samples(prior, channels)
     return after_samples(prior, samples.subset(MOST_SAMPLES, seed))
@@ -97,7 +97,7 @@ def posterior_of(prior: BrdfPrior, samples: "Samples | None", channels: int, see
 def next_round(
     prior: BrdfPrior, posterior: BrdfPosterior, goniometer: Goniometer, *, directions: int = 0, incidences: int = 0
 ) -> MeasuringRound:
-    """The next `directions` single measurements, or `incidences` with all of their views.
+    """Return the next `directions` single measurements, or `incidences` with all of their views.
 
     Raises BadInput where the goniometer can measure none of them.
     """
@@ -131,7 +131,7 @@ def next_round(
 
 
 def chosen_angles(prior: BrdfPrior, posterior: BrdfPosterior, goniometer: Goniometer, directions: int) -> np.ndarray:
-    """The angles (N, 3) of `next_round` alone, best first."""
+    """Return the angles (N, 3) of `next_round` alone, best first."""
     weights = measuring_aims(prior.grid).weights(posterior)
     return _single(prior, uncertainties(posterior, weights), goniometer, directions)
 
@@ -142,7 +142,7 @@ def _single(prior: BrdfPrior, blocks: Sequence[Uncertainty], goniometer: Goniome
 
 
 def remaining(blocks: Sequence[Uncertainty], matrix: object) -> float:
-    """The share of the expected squared error that is left once the rows of a matrix are measured."""
+    """Return the share of the expected squared error that is left once the rows of a matrix are measured."""
     before = sum(float((block.weights * block.covariance).sum()) for block in blocks)
     after = before - sum(block.gain(matrix) for block in blocks)  # type: ignore[arg-type]
     return max(after, 0.0) / max(before, 1e-300)

@@ -17,7 +17,7 @@ def shortest_order(moves: np.ndarray, first: np.ndarray) -> list[int]:
 
 
 def seconds(path: list[int], moves: np.ndarray, first: np.ndarray) -> float:
-    """What a path takes, from the start to its last place; 0 for none."""
+    """Return what a path takes, from the start to its last place; 0 for none."""
     if not path:
         return 0.0
     return float(first[path[0]] + moves[path[:-1], path[1:]].sum())

@@ -24,7 +24,7 @@ def _fans(polygons: list[tuple[int, ...]]) -> np.ndarray:
 
 
 def parse_obj(data: bytes, name: str) -> Parsed:
-    """Lines v, vn and f; a vertex for each pair of position and normal that the faces use.
+    """Return lines v, vn and f; a vertex for each pair of position and normal that the faces use.
 
     Raises BadInput that names the line.
     """

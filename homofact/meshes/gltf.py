@@ -24,7 +24,7 @@ _MOST_NODES, _DEEPEST, _MOST_CORNERS = 10_000, 64, 30_000_000
 
 
 def parse_gltf(path: Path, data: bytes) -> Parsed:
-    """All meshes of a .glb or .gltf scene at their places, as one; buffers beside a .gltf are read too.
+    """Return all meshes of a .glb or .gltf scene at their places, as one; buffers beside a .gltf are read too.
 
     Raises BadInput for a file that trimesh refuses, that claims more than it can hold, without triangles, and where
     trimesh is not installed.
@@ -40,12 +40,15 @@ def parse_gltf(path: Path, data: bytes) -> Parsed:
 
 
 def parse_parts(path: Path, data: bytes) -> list[tuple[Parsed, str, Any]]:
-    """Every primitive at its place with its name and trimesh's visual of it, pictures read. Raises BadInput alike."""
+    """Return every primitive at its place with its name and trimesh's visual of it, pictures read.
+
+    Raises BadInput alike.
+    """
     return _loaded(path, data, True)
 
 
 def gltf_header(path: Path, data: bytes) -> dict[str, Any]:
-    """The JSON of a .glb or .gltf file. Raises BadInput where there is none."""
+    """Return the JSON of a .glb or .gltf file. Raises BadInput where there is none."""
     return _header(path, data, data[:4] == b"glTF")
 
 

@@ -55,7 +55,7 @@ class GltfPart:
 
 
 def is_gltf(text: str) -> bool:
-    """Whether a path, or the file of "FILE#PART", has the ending of a glTF file."""
+    """Return whether a path, or the file of "FILE#PART", has the ending of a glTF file."""
     return split_member(text)[0].lower().endswith(ENDINGS)
 
 
@@ -74,7 +74,10 @@ def gltf_parts(path: str | os.PathLike[str]) -> tuple[GltfPart, ...]:
 
 
 def gltf_part(text: str) -> GltfPart:
-    """The part that "FILE#PART" names. Raises BadInput as `gltf_parts`, and where there is none, with all names."""
+    """Return the part that "FILE#PART" names.
+
+    Raises BadInput as `gltf_parts`, and where there is none, with all names.
+    """
     file, name = split_member(text)
     parts = gltf_parts(file)
     for part in parts:

@@ -43,7 +43,7 @@ class Mesh:
 
 
 def read_mesh(path: str | os.PathLike[str], fitted: bool = True) -> Mesh:
-    """The mesh in an OBJ, PLY or glTF file, as the module's head says; in the file's own units unless `fitted`.
+    """Return the mesh in an OBJ, PLY or glTF file, as the module's head says; in the file's own units unless `fitted`.
 
     Raises BadInput, one line, for a file that cannot be read, is none of them, is damaged or truncated, has no
     triangles, indices that name no vertex, or coordinates that are not finite or without bound.
@@ -60,7 +60,7 @@ def read_mesh(path: str | os.PathLike[str], fitted: bool = True) -> Mesh:
 
 
 def mesh_of(parsed: Parsed, target: Path, fitted: bool = True) -> Mesh:
-    """The mesh of what was parsed from a file. Raises BadInput as `read_mesh`."""
+    """Return the mesh of what was parsed from a file. Raises BadInput as `read_mesh`."""
     positions, normals, triangles, uv = parsed
     if not len(triangles):
         raise BadInput("no triangles in it", where=target, expected="a mesh")

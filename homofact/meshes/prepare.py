@@ -14,7 +14,7 @@ _THICKNESS = 1e-3
 
 
 def prepared(mesh: Mesh) -> tuple[Mesh, tuple[str, ...]]:
-    """(the mesh without degenerate triangles and with its normals outward, what was found).
+    """Return (the mesh without degenerate triangles and with its normals outward, what was found).
 
     An open mesh is kept as it is and named: light may enter it from behind. Normals are turned only where they enclose
     a negative volume and the mesh is closed. Raises BadInput where no triangle is left.
@@ -41,7 +41,7 @@ def prepared(mesh: Mesh) -> tuple[Mesh, tuple[str, ...]]:
 
 
 def two_sided(mesh: Mesh) -> Mesh:
-    """The mesh with a back: its triangles once more, turned, `_THICKNESS` of its size behind themselves."""
+    """Return the mesh with a back: its triangles once more, turned, `_THICKNESS` of its size behind themselves."""
     size = float(np.linalg.norm(np.ptp(mesh.positions, axis=0)))
     behind = mesh.positions - _THICKNESS * size * mesh.normals
     return replace(

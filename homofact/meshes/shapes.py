@@ -11,7 +11,7 @@ NEAR = 4.0
 
 
 def sphere(rings: int = 32) -> Mesh:
-    """The unit sphere by `rings` bands of latitude and twice as many of longitude, y up."""
+    """Return the unit sphere by `rings` bands of latitude and twice as many of longitude, y up."""
     _at_least("rings", rings, 3)
     theta = np.linspace(0, math.pi, rings + 1)[:, None]
     phi = np.linspace(0, 2 * math.pi, 2 * rings + 1)[None]
@@ -46,7 +46,7 @@ def torus_knot(around: int = 192, across: int = 24, p: int = 2, q: int = 3, thic
 
 
 def ground(half: float = 2.0, height: float = 0.0, steps: int = 64) -> Mesh:
-    """A square plane at y = `height`, 2·`half` across, of steps × steps squares, facing +y.
+    """Return a square plane at y = `height`, 2·`half` across, of steps × steps squares, facing +y.
 
     The squares of a plane that reaches beyond `NEAR` are smaller in the middle, as they were if it reached half as far.
     """

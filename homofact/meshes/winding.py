@@ -9,7 +9,7 @@ import numpy as np
 
 
 def wound_alike(positions: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, int]:
-    """(the triangles (T, 3), those of a part that disagree with most of it turned; how many were turned).
+    """Return (the triangles (T, 3), those of a part that disagree with most of it turned; how many were turned).
 
     A closed part that had any is wound outward as a whole. Edges of more than two triangles, and parts with one side
     only, are left alone. Vertices at the same place count as one.

@@ -32,7 +32,7 @@ from homofact.methods.memory import refuse_too_large
 
 
 def solve_greedily(samples: LogSamples, projections: tuple[Projection, ...], settings: Cole) -> Solved:
-    """Textures of given projections, at full size: the last `joint` solved jointly as each term arrives.
+    """Return textures of given projections, at full size: the last `joint` solved jointly as each term arrives.
 
     The figures of the system are the last solve's.
     """

@@ -58,7 +58,7 @@ _kept: OrderedDict[str, list[_Step]] = OrderedDict()
 def search_terms(
     samples: LogSamples, settings: Cole, deadline: float, progress: ProgressCallback | None
 ) -> SearchedTerms:
-    """One projection after another, on the coarse samples with textures of the search's size.
+    """Return one projection after another, on the coarse samples with textures of the search's size.
 
     An interrupt ends it with the terms found so far, or passes on where there is none; a `deadline` by the clock ends
     it within a term.
@@ -97,7 +97,7 @@ def search_terms(
 
 
 def search_key(settings: Cole) -> str:
-    """What the settings have a say of in a search: fits of the same samples and key share theirs."""
+    """Return what the settings have a say of in a search: fits of the same samples and key share theirs."""
     own = {name: value for name, value in vars(settings).items() if name not in _AFTER}
     return repr((sorted(own.items()), coarse_size(settings)))
 

@@ -24,12 +24,12 @@ F = TypeVar("F", bound=Fitted)
 
 
 def coarse_size(method: Cole | Search) -> int:
-    """Texels per side in a coarse search, never above `size`."""
+    """Return texels per side in a coarse search, never above `size`."""
     return method.size if method.search_size == 0 else min(method.size, method.search_size)
 
 
 def transform_of(samples: Samples, method: Method) -> LogTransform:
-    """The log transform of a fit: the method's ε, or the one for noise-free data, and A of `samples`.
+    """Return the log transform of a fit: the method's ε, or the one for noise-free data, and A of `samples`.
 
     The noise floor is never taken as less than that of noise-free data.
     """
@@ -48,7 +48,7 @@ def refuse_bounds(samples: Samples, method: Method) -> None:
 
 
 def trusted_samples(samples: Samples, method: Method) -> tuple[Samples, float]:
-    """(the samples without their outliers, the share of the weight that these had) where the method is robust.
+    """Return (the samples without their outliers, the share of the weight that these had) where the method is robust.
 
     Before A, the flux and the folds are made of them: an outlier in any of these pulls on the whole fit.
     """
@@ -80,7 +80,10 @@ def at_azimuths(samples: Samples, method: Method, knows_azimuth: bool) -> Sample
 
 
 def quantized(fitted: F, samples: Samples, method: Method, storage: str) -> F:
-    """A fit of `samples` by `method` with texels that `storage` ("png8", "png16") holds. Raises BadInput for others."""
+    """Return a fit of `samples` by `method` with texels that `storage` ("png8", "png16") holds.
+
+    Raises BadInput for others.
+    """
     if is_solved(fitted):
         samples, _ = trusted_samples(samples, method)
         samples = at_azimuths(samples, method, not evaluation_of(fitted).isotropic)
@@ -88,7 +91,7 @@ def quantized(fitted: F, samples: Samples, method: Method, storage: str) -> F:
 
 
 def as_stored(fit: MethodFit, samples: Samples, method: Method) -> MethodFit:
-    """The fit of `samples` as the method stores it: in a spectral basis, with whole numbers as texels."""
+    """Return the fit of `samples` as the method stores it: in a spectral basis, with whole numbers as texels."""
     return with_whole_texels(in_spectral_basis(fit, samples, method), samples, method)
 
 
@@ -107,7 +110,7 @@ def in_spectral_basis(fit: MethodFit, samples: Samples, method: Method) -> Metho
 
 
 def with_whole_texels(fit: MethodFit, samples: Samples, method: Method) -> MethodFit:
-    """The fit of `samples`, its texels whole numbers where the method's `quantize` asks for it."""
+    """Return the fit of `samples`, its texels whole numbers where the method's `quantize` asks for it."""
     if method.quantize == "none":
         return fit
     return replace(fit, factorization=quantized(fit.factorization, samples, method, method.quantize))

@@ -27,12 +27,12 @@ _UNIT = _seconds(8000, 2, 512)
 
 
 def cost_of_evaluation(samples: int, lookups: int, unknowns: int) -> float:
-    """Units of one evaluation of the reduced objective with its gradient."""
+    """Return units of one evaluation of the reduced objective with its gradient."""
     return _seconds(samples, lookups, unknowns) / _UNIT
 
 
 def cost_of_solve(unknowns: int) -> float:
-    """Units of one system that is made from accumulated equations and solved, as for a left-out fold."""
+    """Return units of one system that is made from accumulated equations and solved, as for a left-out fold."""
     return unknowns**2 * (_SQUARE + _CUBE * unknowns) / _UNIT
 
 
@@ -78,7 +78,7 @@ class FitBudget:
         self.spend(other.spent, other.evaluations)
 
     def beside(self) -> "FitBudget":
-        """A budget without a limit of units under the same guard, for one of several pieces side by side."""
+        """Return a budget without a limit of units under the same guard, for one of several pieces side by side."""
         return FitBudget(deadline=self.deadline)
 
     @property

@@ -51,7 +51,7 @@ class MethodFit:
         return self.factorization.fetches
 
     def evaluate(self, wi: Any, wo: Any) -> Any:
-        """BRDF values (N, C) in sr⁻¹ without the cosine."""
+        """Return BRDF values (N, C) in sr⁻¹ without the cosine."""
         return self.factorization.evaluate(wi, wo)
 
     def save(self, path: str | os.PathLike[str]) -> None:

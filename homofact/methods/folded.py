@@ -36,11 +36,11 @@ class Judging(ABC):
 
     @abstractmethod
     def error(self, smoothing: Smoothing, folds: int | None = None) -> float:
-        """Mean squared log error of left-out samples with this λ, `folds` left out of each partition, or all."""
+        """Return mean squared log error of left-out samples with this λ, `folds` left out of each partition, or all."""
 
     @abstractmethod
     def solves(self, folds: int | None = None) -> int:
-        """How many systems `error` solves."""
+        """Return how many systems `error` solves."""
 
     def best_smoothing(
         self, start: tuple[float, ...], budget: FitBudget, folds: int | None = None
@@ -54,7 +54,7 @@ class Judging(ABC):
     def best_each(
         self, start: tuple[float, ...], budget: FitBudget, stride: int = 2, folds: int | None = None
     ) -> tuple[tuple[float, ...], float]:
-        """(λ of every texture, error): downhill one texture after another, in `stride` half decades."""
+        """Return (λ of every texture, error): downhill one texture after another, in `stride` half decades."""
         return self._descend(start, [(j,) for j in range(len(start))], stride, budget, folds)
 
     def _descend(
@@ -147,7 +147,7 @@ class Folded(Judging):
         return cls(parts, shares, whole, problem.roughness, len(problem.lookups), layout_of(projections, shapes))
 
     def error(self, smoothing: Smoothing, folds: int | None = None) -> float:
-        """Mean squared log error of the left-out samples under the texels of all others, with this λ.
+        """Return mean squared log error of the left-out samples under the texels of all others, with this λ.
 
         Weighted by the samples' weights within a partition, by the shares between partitions. `folds` leaves out
         only so many folds of each partition: a first look at a fraction of the price.
@@ -166,7 +166,7 @@ class Folded(Judging):
         )
 
     def solves(self, folds: int | None = None) -> int:
-        """How many systems `error` solves."""
+        """Return how many systems `error` solves."""
         return sum(len(parts[:folds]) for parts in self.parts)
 
     @property
@@ -187,11 +187,11 @@ class JointFolded(Judging):
         return self.materials[0].unknowns
 
     def error(self, smoothing: Smoothing, folds: int | None = None) -> float:
-        """The mean of the materials' left-out errors, all with this λ."""
+        """Return the mean of the materials' left-out errors, all with this λ."""
         return sum(folded.error(smoothing, folds) for folded in self.materials) / len(self.materials)
 
     def solves(self, folds: int | None = None) -> int:
-        """How many systems `error` solves."""
+        """Return how many systems `error` solves."""
         return sum(folded.solves(folds) for folded in self.materials)
 
 
@@ -214,7 +214,7 @@ class FixedBank:
         return cls(projections, Folded.of(samples, partitions, projections, shapes))
 
     def mix(self, chosen: tuple[int, ...]) -> Folded:
-        """The equations of the projections at `chosen`, in that order: a block of the whole matrix."""
+        """Return the equations of the projections at `chosen`, in that order: a block of the whole matrix."""
         folded = self.folded
         ends = [begin + count for begin, count in zip(folded.layout.offsets, folded.layout.counts, strict=True)]
         slices = [slice(folded.layout.offsets[j], ends[j]) for j in chosen]

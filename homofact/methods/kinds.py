@@ -45,24 +45,24 @@ WARP_WIDTHS = (0.3, 0.1, 0.03, 0.01, 0.003)
 
 
 def coordinates_of(kind: str) -> str:
-    """The coordinates that a kind's projection acts on. Raises BadInput that lists the kinds."""
+    """Return the coordinates that a kind's projection acts on. Raises BadInput that lists the kinds."""
     if kind not in KINDS:
         raise BadInput(where="projections", found=repr(kind), expected=f"one of {', '.join(KINDS)}")
     return kind if kind in COORDINATE_NAMES else fixed_projection(kind, True).coordinates
 
 
 def is_searched(kind: str) -> bool:
-    """Whether the projection of this kind has parameters to search."""
+    """Return whether the projection of this kind has parameters to search."""
     return kind in COORDINATE_NAMES
 
 
 def is_isotropic(kind: str) -> bool:
-    """Whether the kind's coordinates do not know the azimuth."""
+    """Return whether the kind's coordinates do not know the azimuth."""
     return coordinate_system(coordinates_of(kind)).isotropic
 
 
 def takes_warp(kind: str) -> bool:
-    """Whether the kind reads the half vector's angle, which may be stretched."""
+    """Return whether the kind reads the half vector's angle, which may be stretched."""
     axes = coordinate_system(coordinates_of(kind)).axes
     if not is_searched(kind):
         read = (fixed_projection(kind, True).matrix != 0).any(0).tolist()
@@ -71,7 +71,7 @@ def takes_warp(kind: str) -> bool:
 
 
 def make(kind: str, reciprocal: bool, warp: Warp | None, generator: torch.Generator, bound: str) -> Projection:
-    """A projection of this kind: the fixed one, or one at a rotation drawn uniformly."""
+    """Return a projection of this kind: the fixed one, or one at a rotation drawn uniformly."""
     used = warp if takes_warp(kind) else None
     if not is_searched(kind):
         return fixed_projection(kind, reciprocal, used)

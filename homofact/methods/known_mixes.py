@@ -27,7 +27,7 @@ TABLE = Path(__file__).with_name("known_mixes.json")
 
 
 def mix_record(mix: Mix) -> dict[str, Any]:
-    """The mix as JSON holds it: kinds, rotations of the searched ones, warp, λ, and whether it is reciprocal."""
+    """Return the mix as JSON holds it: kinds, rotations of the searched ones, warp, λ, and whether it is reciprocal."""
     quaternions = [None if p.quaternions is None else np.asarray(p.quaternions).tolist() for p in mix.projections]
     return {
         "kinds": list(mix.kinds),
@@ -39,7 +39,7 @@ def mix_record(mix: Mix) -> dict[str, Any]:
 
 
 def mix_of_record(record: dict[str, Any], reciprocal: bool, bound: str) -> Mix:
-    """The mix of a record, reciprocal or not as asked, not judged yet."""
+    """Return the mix of a record, reciprocal or not as asked, not judged yet."""
     warp = None if record["warp"] is None else Warp(record["warp"])
     projections = tuple(
         _projection(kind, rows, reciprocal, bound, warp if takes_warp(kind) else None)
@@ -65,7 +65,7 @@ class KnownMixes:
     note: str = ""
 
     def of(self, count: int, kinds: Sequence[str], reciprocal: bool, bound: str) -> list[Mix]:
-        """The known mixes of `count` textures of these kinds; none where there are none."""
+        """Return the known mixes of `count` textures of these kinds; none where there are none."""
         if not 0 < count <= len(self.by_count):
             return []
         allowed = set(kinds)

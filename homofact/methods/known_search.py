@@ -8,7 +8,7 @@ STEPS = 12  # iterations of the best few
 
 
 def looked_at(trials: Trials, mixes: list[Mix]) -> list[Mix]:
-    """The mixes with their errors on small textures with one fold left out, best first."""
+    """Return the mixes with their errors on small textures with one fold left out, best first."""
     return sorted(trials.beside(trials.glanced, mixes), key=lambda mix: mix.error)
 
 

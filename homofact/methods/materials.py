@@ -51,20 +51,20 @@ class Materials:
         return Materials(tuple(material.drawn(count, seed) for material in self.materials))
 
     def cost(self, lookups: int, unknowns: int) -> float:
-        """Units of one evaluation of all of them (`effort.cost_of_evaluation`)."""
+        """Return units of one evaluation of all of them (`effort.cost_of_evaluation`)."""
         return sum(cost_of_evaluation(len(material.samples.logs), lookups, unknowns) for material in self.materials)
 
     def objective(
         self, projections: tuple[Projection, ...], shapes: tuple[Shape, ...], smoothing: Smoothing, bound: str
     ) -> JointObjective:
-        """The reduced objective of textures of these shapes, as a function of the projections."""
+        """Return the reduced objective of textures of these shapes, as a function of the projections."""
         own = (Objective(material.samples, projections, shapes, smoothing, bound) for material in self.materials)
         return JointObjective(tuple(own))
 
     def folded(
         self, projections: tuple[Projection, ...], shapes: tuple[Shape, ...], most: int | None = None
     ) -> JointFolded:
-        """The equations fold by fold, as `Folded.of`."""
+        """Return the equations fold by fold, as `Folded.of`."""
         return JointFolded(
             tuple(
                 Folded.of(material.samples, material.partitions, projections, shapes, most)
@@ -78,7 +78,7 @@ class Materials:
         return Banks(projections, tuple(own))
 
     def digested(self) -> tuple[Tensor, ...]:
-        """Every tensor of them, for a digest."""
+        """Return every tensor of them, for a digest."""
         tensors: list[Tensor] = []
         for own in self.materials:
             tensors += [own.samples.wi, own.samples.wo, own.samples.logs, own.samples.weights]
@@ -94,5 +94,5 @@ class Banks:
     banks: tuple[FixedBank, ...]
 
     def mix(self, chosen: tuple[int, ...]) -> JointFolded:
-        """The equations of the projections at `chosen`, in that order."""
+        """Return the equations of the projections at `chosen`, in that order."""
         return JointFolded(tuple(bank.mix(chosen) for bank in self.banks))

@@ -24,12 +24,12 @@ class Mix:
         return next((p.warp for p in self.projections if p.warp is not None), None)
 
     def with_one_more(self, kind: str, projection: Projection) -> "Mix":
-        """The mix with one more texture, its λ that of the last one; not judged yet."""
+        """Return the mix with one more texture, its λ that of the last one; not judged yet."""
         last = self.smoothing[-1] if self.smoothing else FIRST_SMOOTHING
         return Mix((*self.kinds, kind), (*self.projections, projection), (*self.smoothing, last))
 
     def without(self, place: int) -> "Mix":
-        """The mix without one texture; not judged yet."""
+        """Return the mix without one texture; not judged yet."""
 
         def rest(values: tuple) -> tuple:
             return (*values[:place], *values[place + 1 :])
@@ -41,17 +41,17 @@ EMPTY = Mix((), (), ())
 
 
 def is_movable(mix: Mix) -> bool:
-    """Whether some projection of the mix has a rotation to search."""
+    """Return whether some projection of the mix has a rotation to search."""
     return any(projection.rotation is not None for projection in mix.projections)
 
 
 def freed(mix: Mix) -> Mix:
-    """The mix with projections that may tell light from viewer; its error is not that mix's."""
+    """Return the mix with projections that may tell light from viewer; its error is not that mix's."""
     return replace(mix, projections=tuple(replace(projection, reciprocal=False) for projection in mix.projections))
 
 
 def with_all_loose(mix: Mix) -> Mix | None:
-    """The mix with every texture that can be searched from where it is fixed; None where there is none."""
+    """Return the mix with every texture that can be searched from where it is fixed; None where there is none."""
     kinds, projections = [], []
     for kind, projection in zip(mix.kinds, mix.projections, strict=True):
         loose = None if is_searched(kind) else loosened(projection)
@@ -62,7 +62,7 @@ def with_all_loose(mix: Mix) -> Mix | None:
 
 
 def scale_of(smoothing: tuple[float, ...]) -> float:
-    """One λ for all textures: the geometric mean, at the whole decade below; 0 where one of them is."""
+    """Return one λ for all textures: the geometric mean, at the whole decade below; 0 where one of them is."""
     if min(smoothing) <= 0:
         return 0.0
     return 10.0 ** math.floor(sum(math.log10(value) for value in smoothing) / len(smoothing) + 1e-9)

@@ -18,7 +18,7 @@ from homofact.parametric.network import train
 
 @one_thread
 def fit_model(samples: Samples, settings: Method, progress: ProgressCallback | None = None) -> MethodFit:
-    """The model of `settings` fitted to samples; `progress` is never called.
+    """Return the model of `settings` fitted to samples; `progress` is never called.
 
     Raises BadInput for bounds, and a network of other channels than 3.
     """

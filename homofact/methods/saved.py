@@ -24,7 +24,7 @@ _READERS = {
 
 
 def open_saved(place: str | os.PathLike[str]) -> Fitted:
-    """The fit of a saved file, or of a folder with one.
+    """Return the fit of a saved file, or of a folder with one.
 
     Raises BadInput where there is none or it is damaged, and for a measurement, which is to be fitted first.
     """

@@ -29,7 +29,7 @@ class SearchData:
 
     @classmethod
     def of(cls, samples: Samples, transform: LogTransform, settings: Search, knows_azimuth: bool) -> "SearchData":
-        """The data of `samples`, with azimuth copies where kinds need them."""
+        """Return the data of `samples`, with azimuth copies where kinds need them."""
         partitions = partitions_of(samples, FOLDS, settings.seed, rings=settings.validation == "rings")
         copied = at_azimuths(samples, settings, knows_azimuth)
         times = len(copied) // len(samples)

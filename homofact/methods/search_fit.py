@@ -73,13 +73,16 @@ def fit_shared(
 
 @one_thread
 def find_mixes(samples: Samples, settings: Search) -> SearchOutcome:
-    """The search over mixes alone, on small textures: the best of one texture, of two, and so on. Raises BadInput."""
+    """Return the search over mixes alone, on small textures: the best of one texture, of two, and so on.
+
+    Raises BadInput.
+    """
     task = SearchTask.of((samples,), settings, time.perf_counter())
     return _searched(task, FitBudget(task.granted, task.deadline), None)
 
 
 def trials_of(samples: Samples, settings: Search) -> Trials:
-    """What `find_mixes` tries mixes on, without a limit of work. Raises BadInput."""
+    """Return what `find_mixes` tries mixes on, without a limit of work. Raises BadInput."""
     task = SearchTask.of((samples,), settings, time.perf_counter())
     return Trials(task.drawn, task.structure, FitBudget())
 

@@ -37,7 +37,7 @@ def search_named(name: str) -> Minimizer:
 
 
 def candidates_of(isotropic: bool, settings: Search) -> tuple[tuple[str, ...], ...]:
-    """Which kinds each texture may be: all that suit the material, one for all, or a list, one a texture."""
+    """Return which kinds each texture may be: all that suit the material, one for all, or a list, one a texture."""
     if settings.projections is None:
         return (ISOTROPIC_CANDIDATES if isotropic else ANISOTROPIC_CANDIDATES,)
     return tuple((kind,) for kind in settings.projections)
@@ -53,7 +53,7 @@ class TextureSizes:
 
     @classmethod
     def of(cls, settings: Search, channels: int) -> "TextureSizes":
-        """The sizes that settings ask for. Raises BadInput for too few bytes."""
+        """Return the sizes that settings ask for. Raises BadInput for too few bytes."""
         if settings.bytes is None:
             return cls(settings.size, coarse_size(settings), None)
         texels = texels_in(settings.bytes, channels)
@@ -85,7 +85,7 @@ class SearchTask:
 
     @classmethod
     def of(cls, several: Sequence[Samples], settings: Search, began: float) -> "SearchTask":
-        """The task of fitting these materials, begun at that time. Raises BadInput as `fit_shared`."""
+        """Return the task of fitting these materials, begun at that time. Raises BadInput as `fit_shared`."""
         _check_samples(several, settings)
         sizes = TextureSizes.of(settings, len(several[0].channels))
         candidates = candidates_of(all(samples.isotropic for samples in several), settings)

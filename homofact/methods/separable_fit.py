@@ -127,7 +127,7 @@ def separable_of(
 
 
 def fit_svd(samples: Samples, settings: Svd, progress: ProgressCallback | None = None) -> MethodFit:
-    """`settings.textures` terms (one if normalized) on `settings.size`² maps.
+    """Return `settings.textures` terms (one if normalized) on `settings.size`² maps.
 
     The report's residual is the Cole error of `samples`, its details the shares of cut values at them (`clipped`) and
     of matrix entries without a value (`filled`). `progress` is never called.

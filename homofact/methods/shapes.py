@@ -33,7 +33,7 @@ _LEAST, _STRETCH = 2, 16.0
 
 
 def texels_in(nbytes: int, channels: int) -> int:
-    """Texels of float32 that fit into so many bytes. Raises BadInput for fewer than a 2 × 2 texture's."""
+    """Return texels of float32 that fit into so many bytes. Raises BadInput for fewer than a 2 × 2 texture's."""
     texels = nbytes // (4 * channels)
     if texels < _LEAST**2:
         raise BadInput(
@@ -55,7 +55,7 @@ class Layout:
         return cls((1.0,) * count, (1.0,) * count)
 
     def shapes(self, projections: tuple[Projection, ...], texels: int) -> tuple[Shape, ...]:
-        """(rows, columns) of each texture: the largest that together read no more than `texels`.
+        """Return (rows, columns) of each texture: the largest that together read no more than `texels`.
 
         A texture of one row is as long as a square one of its share would be wide; the line that a periodic axis
         repeats is counted.
@@ -68,7 +68,7 @@ class Layout:
         return self._scaled(projections, low)
 
     def moved(self) -> Iterator["Layout"]:
-        """The layouts a step away from this one, texture by texture."""
+        """Yield the layouts a step away from this one, texture by texture."""
         for j in range(len(self.shares)):
             for factor in _ASPECTS:
                 aspect = self.aspects[j] * factor
@@ -91,7 +91,7 @@ class Layout:
 
 
 def stored(projections: tuple[Projection, ...], shapes: tuple[Shape, ...]) -> int:
-    """Texels that textures of these shapes are stored with: a periodic axis repeats a line."""
+    """Return texels that textures of these shapes are stored with: a periodic axis repeats a line."""
     total = 0
     for projection, (rows, columns) in zip(projections, shapes, strict=True):
         across, along = (int(axis is Axis.PERIODIC) for axis in projection.axes)
@@ -119,7 +119,7 @@ class SmoothingFor:
 
 
 def side_of(shape: Shape) -> float:
-    """The side of a square texture with as many texels, or the length of one with a single row."""
+    """Return the side of a square texture with as many texels, or the length of one with a single row."""
     rows, columns = shape
     return float(columns) if rows == 1 else math.sqrt(rows * columns)
 
@@ -143,7 +143,7 @@ class _Judge:
         self.worth_a_move = _WORTH_A_MOVE_OF_FEW if few else _WORTH_A_MOVE
 
     def error(self, mix: Mix, shapes: tuple[Shape, ...]) -> float:
-        """The error on the folds that are left out of each partition: on one, or of few samples on all."""
+        """Return the error on the folds that are left out of each partition: on one, or of few samples on all."""
         folded = self._materials.folded(mix.projections, shapes, self._folds)
         lookups = sum(projection.lookups for projection in mix.projections)
         self.budget.spend(self._materials.cost(lookups, folded.unknowns))
@@ -159,7 +159,7 @@ def best_within(
     budget: FitBudget,
     measured: int,
 ) -> SizedMix:
-    """The mix and the shapes that leave the least error on left-out folds of each partition.
+    """Return the mix and the shapes that leave the least error on left-out folds of each partition.
 
     `mixes` have one texture, two, and so on; each material has `measured` samples, copies not counted. No layout is
     tried once the budget is spent. Of more texels than dense systems have, layouts are judged with as many as these

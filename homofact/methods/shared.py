@@ -12,22 +12,22 @@ _QUANTIZATIONS = ("none", "png8", "png16")
 
 
 def textures() -> Any:
-    """How many textures at most."""
+    """Return how many textures at most."""
     return option(2, "Maximum number of textures", least=1, everyday=True)
 
 
 def terms() -> Any:
-    """How many terms, for the methods that add them."""
+    """Return how many terms, for the methods that add them."""
     return option(2, "Number of terms", least=1, everyday=True)
 
 
 def size() -> Any:
-    """Texels per side of a texture."""
+    """Return texels per side of a texture."""
     return option(16, "Texels per side of a texture", least=2, everyday=True)
 
 
 def epsilon() -> Any:
-    """ε of the log transform; None takes the source's own, or that of noise-free data for bare samples.
+    """Return ε of the log transform; None takes the source's own, or that of noise-free data for bare samples.
 
     "floor" takes the noise floor of the samples (`brdf.quality.noise_floor`).
     """
@@ -42,17 +42,17 @@ def epsilon() -> Any:
 
 
 def reciprocal() -> Any:
-    """Whether f(ωi, ωo) = f(ωo, ωi) is enforced (thesis 3.2.3)."""
+    """Return whether f(ωi, ωo) = f(ωo, ωi) is enforced (thesis 3.2.3)."""
     return option(True, "Enforce f(wi, wo) = f(wo, wi)")
 
 
 def coordinates(usual: str) -> Any:
-    """The numbers of a pair of directions that searched projections, or the sides of a matrix, are made of."""
+    """Return the numbers of a pair of directions that searched projections, or the sides of a matrix, are made of."""
     return option(usual, "Coordinates that index the textures", choices=SIDES)
 
 
 def solver() -> Any:
-    """Linear solver of the inner problem, a name in `linear.solvers.SOLVERS`."""
+    """Return linear solver of the inner problem, a name in `linear.solvers.SOLVERS`."""
     return option(SOLVER_NAMES[0], "Linear solver of the inner problem", choices=SOLVER_NAMES)
 
 
@@ -67,7 +67,7 @@ def restarts() -> Any:
 
 
 def budget() -> Any:
-    """Seconds after which a search ends with what it has: a guard, None is none."""
+    """Return seconds after which a search ends with what it has: a guard, None is none."""
     return option(
         None,
         "Time limit of the search; a fit that reaches it is not reproducible",
@@ -78,7 +78,7 @@ def budget() -> Any:
 
 
 def search_size(usual: int) -> Any:
-    """Texels per side in the coarse search, at most `size`; 0 is the full size."""
+    """Return texels per side in the coarse search, at most `size`; 0 is the full size."""
 
     def expected(value: int) -> str | None:
         return "0 (the full size) or at least 2" if value < 0 or value == 1 else None
@@ -87,7 +87,7 @@ def search_size(usual: int) -> Any:
 
 
 def search_samples() -> Any:
-    """Samples in the coarse search; 0 is all."""
+    """Return samples in the coarse search; 0 is all."""
     return option(8000, "Number of samples during the search; 0 for all", least=0)
 
 
@@ -102,27 +102,27 @@ def mirrored() -> Any:
 
 
 def bound() -> Any:
-    """How a projection is scaled to its texture, by the "disc" or the thesis's 4-"cube"."""
+    """Return how a projection is scaled to its texture, by the "disc" or the thesis's 4-"cube"."""
     return option("disc", "Scaling of a projection to its texture", choices=BOUNDS)
 
 
 def robust() -> Any:
-    """Whether gross errors are left out before anything is made of the samples (`brdf.quality.outliers`)."""
+    """Return whether gross errors are left out before anything is made of the samples (`brdf.quality.outliers`)."""
     return option(False, "Leave out outliers: samples far from all their neighbours")
 
 
 def confidence() -> Any:
-    """Whether the standard deviation of every texel is left with the textures (`factor.confidence`)."""
+    """Return whether the standard deviation of every texel is left with the textures (`factor.confidence`)."""
     return option(False, "Save the standard deviation of every texel with the textures")
 
 
 def quantize() -> Any:
-    """Texels that 8 or 16 bits hold exactly, the best of these (`factor.quantize`), or "none"."""
+    """Return texels that 8 or 16 bits hold exactly, the best of these (`factor.quantize`), or "none"."""
     return option("none", "Fit texels that png8 or png16 store exactly", choices=_QUANTIZATIONS)
 
 
 def spectral_tolerance() -> Any:
-    """The mean CIEDE2000 that a spectral basis may leave (`factor.spectral_choice`); None keeps all bands."""
+    """Return the mean CIEDE2000 that a spectral basis may leave (`factor.spectral_choice`); None keeps all bands."""
     return option(
         None, "Store a spectrum by few basis vectors: as many as keep its mean CIEDE2000 to the fit of all bands within"
         " this under D65, A and F11", above=0, none="all bands are stored", metavar="DELTA-E",
@@ -130,7 +130,7 @@ def spectral_tolerance() -> Any:
 
 
 def direction_map() -> Any:
-    """The map of directions to the textures of a separable fit."""
+    """Return the map of directions to the textures of a separable fit."""
     return option("parabolic", "Map of directions to textures", choices=MAP_NAMES)
 
 

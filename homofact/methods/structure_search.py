@@ -65,7 +65,7 @@ class SearchOutcome:
 
 
 def kept_note(kept: int, textures: int) -> str:
-    """The note of a fit that keeps fewer textures than it may have."""
+    """Return the note of a fit that keeps fewer textures than it may have."""
     return f"{kept} of {textures} textures kept: more do not lower the validation error"
 
 

@@ -25,7 +25,7 @@ ALL_METHODS = METHODS | MODELS_BY_NAME
 
 
 def method_class(name: str) -> type[Method]:
-    """The class of the method called `name`. Raises BadInput that lists the names."""
+    """Return the class of the method called `name`. Raises BadInput that lists the names."""
     if name not in ALL_METHODS:
         expected = f"one of {', '.join(ALL_METHODS)}"
         raise BadInput(where="method", found=repr(name), expected=expected, hint=nearest(name, ALL_METHODS))
@@ -33,12 +33,12 @@ def method_class(name: str) -> type[Method]:
 
 
 def settings_of_class(method: type[Method]) -> tuple[str, ...]:
-    """The names of a method's settings."""
+    """Return the names of a method's settings."""
     return tuple(field.name for field in fields(method))
 
 
 def methods_with(setting: str) -> tuple[str, ...]:
-    """The names of the methods that have a setting."""
+    """Return the names of the methods that have a setting."""
     return tuple(name for name, method in ALL_METHODS.items() if setting in settings_of_class(method))
 
 
@@ -65,14 +65,14 @@ def parsed_label(label: str) -> tuple[str, dict[str, Any]]:
 
 
 def made(label: str, settings: Mapping[str, Any]) -> Method:
-    """The method of a label with these settings, all of them its own. Raises BadInput for any that is not."""
+    """Return the method of a label with these settings, all of them its own. Raises BadInput for any that is not."""
     name, _ = parsed_label(label)
     _refuse_strangers(settings, [name])
     return _built(label, settings)
 
 
 def made_each(labels: Iterable[str], settings: Mapping[str, Any]) -> dict[str, Method]:
-    """The methods of several labels, each with those of the settings that it has.
+    """Return the methods of several labels, each with those of the settings that it has.
 
     Raises BadInput for a setting that none of them has.
     """
@@ -82,7 +82,7 @@ def made_each(labels: Iterable[str], settings: Mapping[str, Any]) -> dict[str, M
 
 
 def mccool_like(method: Method) -> McCool:
-    """McCool's own factorization with the settings that `method` shares with it, to be set beside it."""
+    """Return McCool's own factorization with the settings that `method` shares with it, to be set beside it."""
     shared: dict[str, Any] = {
         name: value for name, value in _own(McCool.name, vars(method)).items() if value is not None
     }

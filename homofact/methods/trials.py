@@ -55,13 +55,13 @@ class Trials:
         self.materials, self.settings, self.budget = materials, settings, budget
 
     def cost(self, mix: Mix, share: float = 1.0) -> float:
-        """Units of one evaluation of a mix with textures of a share of the search's size."""
+        """Return units of one evaluation of a mix with textures of a share of the search's size."""
         texels = sum(rows * columns for rows, columns in self.shapes(mix.projections, share))
         lookups = sum(projection.lookups for projection in mix.projections)
         return self.materials.cost(lookups, texels)
 
     def beside(self, function: Callable, pieces: list) -> list:
-        """The function's results of all pieces, their budgets added; on threads where the search allows it."""
+        """Return the function's results of all pieces, their budgets added; on threads where the search allows it."""
         run = in_parallel if self.settings.search.independent else (lambda apply, all: [apply(one) for one in all])
         results = run(function, pieces)
         for _, budget in results:
@@ -69,7 +69,7 @@ class Trials:
         return [result for result, _ in results]
 
     def shapes(self, projections: tuple[Projection, ...], share: float = 1.0) -> tuple[tuple[int, int], ...]:
-        """(rows, columns) of the textures of projections, of a share of the search's size."""
+        """Return (rows, columns) of the textures of projections, of a share of the search's size."""
         size = max(2, round(share * self.settings.size))
         return tuple(texture_shape(projection, size) for projection in projections)
 
@@ -88,12 +88,12 @@ class Trials:
     def judged(
         self, folded: Judging, smoothing: tuple[float, ...], budget: FitBudget, folds: int | None = None
     ) -> tuple[tuple[float, ...], float]:
-        """(the given λ of every texture, error) with so many folds of each partition left out, or all."""
+        """Return (the given λ of every texture, error) with so many folds of each partition left out, or all."""
         budget.spend(folded.solves(folds) * cost_of_solve(folded.unknowns))
         return smoothing, folded.error(smoothing, folds)
 
     def polished(self, mix: Mix, alike: bool = True) -> tuple[Mix, FitBudget]:
-        """The mix with λ texture by texture, after a longer descent with these; judged there.
+        """Return the mix with λ texture by texture, after a longer descent with these; judged there.
 
         λ is found from one for all textures, unless `alike` is False, from the mix's own.
         """
@@ -110,7 +110,7 @@ class Trials:
         return min(mix, replace(moved, error=error), key=lambda candidate: candidate.error), budget
 
     def descended(self, mix: Mix, scale: float | None, steps: int, share: float) -> tuple[tuple[float, Mix], FitBudget]:
-        """((R, the mix there), budget): its searched projections moved together, with one λ or (None) its own.
+        """Return ((R, the mix there), budget): its searched projections moved together, with one λ or (None) its own.
 
         The textures have a `share` of the search's size.
         """
@@ -129,7 +129,7 @@ class Trials:
         return (report.residual, replace(mix, projections=objective.projections(rounded(vector)))), budget
 
     def looked(self, mix: Mix, scale: float) -> tuple[float, FitBudget]:
-        """(R, budget) where the mix stands."""
+        """Return (R, budget) where the mix stands."""
         budget = self.budget.beside()
         shapes = self.shapes(mix.projections, DESCENTS)
         smoothing = (scale,) * len(mix.kinds)
@@ -158,13 +158,13 @@ class Trials:
         return replace(mix, smoothing=smoothing, error=error), budget
 
     def folded(self, mix: Mix, budget: FitBudget) -> JointFolded:
-        """The mix's equations, fold by fold."""
+        """Return the mix's equations, fold by fold."""
         budget.spend(self.cost(mix))
         return self.materials.folded(mix.projections, self.shapes(mix.projections))
 
 
 def aside(vector: Tensor) -> Tensor:
-    """The vector (V,) a little beside, always in the same direction.
+    """Return the vector (V,) a little beside, always in the same direction.
 
     On a fixed projection symmetry makes slopes zero. What is left of them is rounding, which differs between machines,
     and a descent that starts there would grow it.

@@ -22,7 +22,7 @@ BEYOND = -2  # the fold of what no sample measures
 
 
 def random_folds(count: int, folds: int, seed: int) -> Tensor:
-    """A fold number (count,) for every sample, sizes as equal as can be, drawn by `seed`."""
+    """Return a fold number (count,) for every sample, sizes as equal as can be, drawn by `seed`."""
     order = torch.randperm(count, generator=torch.Generator().manual_seed(seed))
     result = torch.empty(count, dtype=torch.int64)
     result[order] = torch.arange(count) % folds
@@ -37,15 +37,15 @@ class Partition:
     share: float
 
     def select(self, index: Tensor) -> "Partition":
-        """The partition of the samples at `index`."""
+        """Return the partition of the samples at `index`."""
         return Partition(self.folds[index], self.share)
 
     def with_more(self, count: int) -> "Partition":
-        """The partition with `count` more samples that are beyond the measurement: never left out."""
+        """Return the partition with `count` more samples that are beyond the measurement: never left out."""
         return Partition(torch.cat((self.folds, self.folds.new_full((count,), BEYOND))), self.share)
 
     def repeated(self, times: int) -> "Partition":
-        """The partition of `times` copies of all samples, one after another."""
+        """Return the partition of `times` copies of all samples, one after another."""
         return Partition(self.folds.repeat(times), self.share)
 
 

@@ -20,7 +20,7 @@ SMOOTHING = 1e-5
 
 
 def fit_factored(samples: Samples, seed: int) -> tuple[FactoredBrdf, Report]:
-    """The tables of one material, a channel each."""
+    """Return the tables of one material, a channel each."""
     data = CubeRoots.of(samples, seed, MOST_SAMPLES)
     channels = len(samples.channels)
     wi, wo = data.samples.wi, data.samples.wo

@@ -21,7 +21,7 @@ _LEAST, _MOST = 1e-4, 3.0
 
 
 def fit_ggx(samples: Samples, lobes: int, seed: int) -> tuple[GgxBrdf, Report]:
-    """A diffuse base and so many GGX lobes."""
+    """Return a diffuse base and so many GGX lobes."""
     channels = len(samples.channels)
 
     def model(x: Tensor, wi: Tensor, wo: Tensor) -> Tensor:

@@ -90,12 +90,12 @@ class ModelFit:
 
     @answering_in_kind
     def evaluate(self, wi: "Tensor", wo: "Tensor") -> "Tensor":
-        """BRDF values (N, C) in sr⁻¹ without the cosine, 0 under the horizon, in the dtype of wi."""
+        """Return BRDF values (N, C) in sr⁻¹ without the cosine, 0 under the horizon, in the dtype of wi."""
         # The published networks and tables are of float32; what they are asked in decides what they answer in.
         return self.model.evaluate(wi, wo).to(wi)
 
     def describe(self) -> dict[str, Any]:
-        """The kind of the model."""
+        """Return the kind of the model."""
         return {"kind": _KINDS[type(self.model)].name}
 
     def save(self, path: str | os.PathLike[str]) -> None:

@@ -28,7 +28,7 @@ def published_loss(values: Tensor, y: Tensor, expected: Tensor, cosine: Tensor) 
 
 
 def train(samples: Samples, steps: int, seed: int = 0, loss: Loss = published_loss) -> NeuralBrdf:
-    """A network trained on samples of three channels by so many steps.
+    """Return a network trained on samples of three channels by so many steps.
 
     `loss` gets values that are not cut at zero, what the last layer gave, y, the samples' values and cosθi.
     """

@@ -52,7 +52,7 @@ class CubeRoots:
 def fit_parameters(
     model: Callable[[Tensor, Tensor, Tensor], Tensor], starts: Sequence[Tensor], samples: Samples, seed: int
 ) -> tuple[Tensor, Report]:
-    """(the parameters (P,) float64 with the least sum, how they were reached).
+    """Return (the parameters (P,) float64 with the least sum, how they were reached).
 
     `model(parameters, wi, wo)` gives values (N, C) for any parameters, bounded by its own transforms, in operations
     that torch differentiates.

@@ -34,7 +34,7 @@ class Buyer:
     most_fetches: float = math.inf
 
     def offers(self) -> list[tuple[int, float, Candidate | None]]:
-        """(bytes, error, rung) of all that may serve, None for nothing."""
+        """Return (bytes, error, rung) of all that may serve, None for nothing."""
         unasked = [
             rung
             for rung in self.rungs
@@ -53,7 +53,7 @@ class Buyer:
 
 
 def allocate(buyers: Sequence[Buyer], most_bytes: float) -> list[Candidate | None]:
-    """The rung of each buyer; all are asked about. None where even the smallest is beyond the budget."""
+    """Return the rung of each buyer; all are asked about. None where even the smallest is beyond the budget."""
     while True:
         chosen = best_choice([(buyer.share, buyer.offers()) for buyer in buyers], most_bytes)
         unasked = [

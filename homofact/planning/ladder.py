@@ -67,7 +67,7 @@ class Candidate:
         return self.method in COLOURS
 
     def most_bytes(self, channels: int) -> int:
-        """Bytes at most: a search may find fewer textures, or flat ones, enough."""
+        """Return bytes at most: a search may find fewer textures, or flat ones, enough."""
         return self.texel_bytes * channels * (1 if self.is_colour else self.textures * self.size**2)
 
     def most_fetches(self, isotropic: bool) -> int:
@@ -101,12 +101,12 @@ LADDER: tuple[Candidate, ...] = (
 
 
 def ladder(channels: int = 3, isotropic: bool = True) -> tuple[Candidate, ...]:
-    """`LADDER` by rising bytes, fetches breaking ties."""
+    """Return `LADDER` by rising bytes, fetches breaking ties."""
     return tuple(sorted(LADDER, key=lambda rung: (rung.most_bytes(channels), rung.most_fetches(isotropic), rung)))
 
 
 def fits_among(candidates: Iterable[Candidate]) -> int:
-    """How many fits these rungs take."""
+    """Return how many fits these rungs take."""
     return len({candidate.fit for candidate in candidates if not candidate.is_colour})
 
 

@@ -36,7 +36,7 @@ _LEAST = Candidate("search", 1, SEARCH_SIZES[0])
 
 
 def fitted_by_method(candidate: Candidate, source: Source, options: FitOptions) -> tuple[Fitted, Report]:
-    """The rung fitted to the source's training samples, and the fit's report."""
+    """Return the rung fitted to the source's training samples, and the fit's report."""
     fit = fit_candidate(candidate, source, options)
     return fit.factorization, fit.report
 
@@ -88,7 +88,7 @@ class MaterialFits:
         return self.split.parts(self.source)[0]
 
     def fitted(self, candidate: Candidate) -> tuple[Fitted, Report]:
-        """The rung's fit in its storage, made on first asking. Raises what its method raises, each time."""
+        """Return the rung's fit in its storage, made on first asking. Raises what its method raises, each time."""
         if candidate.fit in self.refused:
             raise BadInput(self.refused[candidate.fit])
         if candidate.fit not in self.made:
@@ -107,7 +107,7 @@ class MaterialFits:
         return quantized(fit, self.training, method, WHOLE)
 
     def verdict(self, candidate: Candidate, colour: Lambert | None = None) -> Verdict:
-        """What is found against a rung, or against one `colour`.
+        """Return what is found against a rung, or against one `colour`.
 
         For a colour, only findings about the data and unknown ones: its errors are chosen, within the tolerance.
         """
@@ -129,7 +129,7 @@ class MaterialFits:
 
 
 def as_texture(colour: Lambert, training: Samples, epsilon: float) -> Factorization:
-    """One colour as a product of one even texture of 2 × 2 texels."""
+    """Return one colour as a product of one even texture of 2 × 2 texels."""
 
     transform = LogTransform.of(training, epsilon)
     level = transform.forward(torch.tensor(colour.diffuse, dtype=torch.float64)[None] / torch.pi)[0]

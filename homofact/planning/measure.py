@@ -98,7 +98,7 @@ class RepresentationEvaluator:
         return self._judged(reflectance, drawn, kinds)
 
     def colour_errors(self, candidate: Candidate, model: Lambert, kinds: tuple[str, ...] = KINDS) -> Errors:
-        """The errors of one colour as "constant" or "lambert-9"."""
+        """Return the errors of one colour as "constant" or "lambert-9"."""
         drawn: list[Tensor] = []
         if not set(kinds) <= set(UNLIT):
             albedo = torch.tensor(model.diffuse, dtype=torch.float64)
@@ -209,14 +209,14 @@ def picture_errors(
 
 
 def exposure(pictures: list[Picture]) -> float:
-    """The factor that takes the 99th percentile of the pixels' largest channel, over all pictures, to .9."""
+    """Return the factor that takes the 99th percentile of the pixels' largest channel, over all pictures, to .9."""
     brightest = torch.cat([picture.radiance.max(1).values for picture in pictures])
     level = quantile(brightest, torch.cat([picture.weights for picture in pictures]), PERCENTILE / 100)
     return TARGET / (level if level > 0 else float(brightest.max()))
 
 
 def quantile(values: Tensor, weights: Tensor, part: float) -> float:
-    """The least of `values` (N,) that `part` of the `weights` (N,) do not exceed."""
+    """Return the least of `values` (N,) that `part` of the `weights` (N,) do not exceed."""
     order = values.argsort()
     running = weights[order].cumsum(0)
     place = int(torch.searchsorted(running, part * running[-1]))

@@ -31,12 +31,12 @@ class Neighbour:
     measured: bool
 
     def record(self) -> dict[str, Any]:
-        """The JSON form."""
+        """Return the JSON form."""
         return asdict(self.candidate) | {"bytes": self.bytes, "of_tolerance": self.error, "measured": self.measured}
 
 
 def smaller(plan: MaterialPlan) -> Neighbour | None:
-    """The best representation of fewer bytes that was measured; None where there is none."""
+    """Return the best representation of fewer bytes that was measured; None where there is none."""
     chosen = plan.outcome
     if chosen is None:
         return None

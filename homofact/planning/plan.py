@@ -228,7 +228,7 @@ def plan_material(
 
 
 def rungs_for(fits: MaterialFits, tolerance: Tolerance) -> tuple[Candidate, ...]:
-    """The rungs that are to be told apart under a tolerance."""
+    """Return the rungs that are to be told apart under a tolerance."""
     return tuple(candidate for candidate in fits.rungs if tolerance.of_light or candidate.method != LAMBERT)
 
 
@@ -270,7 +270,7 @@ def plan_scene(
 
 
 def share_out(plans: tuple[MaterialPlan, ...], scene: Scene, most_bytes: int) -> tuple[MaterialPlan, ...]:
-    """The plans with the choices that make the picture's error least within so many bytes."""
+    """Return the plans with the choices that make the picture's error least within so many bytes."""
     most_fetches = math.inf if scene.budget.fetches is None else scene.budget.fetches
     buyers = [
         Buyer(
@@ -292,7 +292,7 @@ def share_out(plans: tuple[MaterialPlan, ...], scene: Scene, most_bytes: int) ->
 
 
 def one_size(distinct: tuple[MaterialPlan, ...], shown: tuple[MaterialPlan, ...]) -> OneSize | None:
-    """The smallest single rung that meets the tolerance for all, looked for upwards from the dearest choice.
+    """Return the smallest single rung that meets the tolerance for all, looked for upwards from the dearest choice.
 
     None where some material's tolerance was not met at all, or where no rung of the dearest one's method serves all.
     """

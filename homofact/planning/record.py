@@ -13,7 +13,7 @@ from homofact.planning.tolerance import MARGINS
 
 
 def plan_record(plan: ScenePlan) -> dict[str, Any]:
-    """The whole plan, JSON-able."""
+    """Return the whole plan, JSON-able."""
     one = plan.one_size
     return {
         "scene": plan.scene.name,
@@ -46,7 +46,7 @@ def plan_record(plan: ScenePlan) -> dict[str, Any]:
 
 
 def material_record(plan: MaterialPlan) -> dict[str, Any]:
-    """One material's plan, JSON-able. Errors in units of the tolerance have its margins in them."""
+    """Return one material's plan, JSON-able. Errors in units of the tolerance have its margins in them."""
     choice, outcome = plan.walk.choice, plan.outcome
     verdict = plan.verdict
     return {

@@ -134,7 +134,7 @@ class PlanSceneTable:
 
 
 def read_scene(path: str | Path) -> Scene:
-    """The scene in a TOML file.
+    """Return the scene in a TOML file.
 
     Raises BadInput for a file that cannot be read, unknown keys, wrong types and values, shares that do not add up to
     1, sources and environments that are not there, and for an environment or lights that are not light.

@@ -81,7 +81,7 @@ def walk(
     most_fetches: float = math.inf,
     light_reads: Mapping[str, int] | None = None,
 ) -> Walk:
-    """The cheapest rung that meets the tolerance within the budget, by asking as few as may be.
+    """Return the cheapest rung that meets the tolerance within the budget, by asking as few as may be.
 
     Cheapest is fewest bytes, then fewest fetches, then fewest reads of the light (`light_reads` by method). Where
     none does, `choice` is the one of the least error that is within the budget (None if none is) and `met` is False.
@@ -171,7 +171,7 @@ def _settled(candidate: Candidate, asked: Mapping[Candidate, LadderOutcome]) -> 
 
 
 def expected_errors(pool: Sequence[Candidate], asked: Mapping[Candidate, LadderOutcome]) -> list[float]:
-    """The median of the belief about the errors of rungs, given the answers."""
+    """Return the median of the belief about the errors of rungs, given the answers."""
     return _belief(pool, asked, 1.0)[0].exp().tolist()
 
 

@@ -59,7 +59,7 @@ class SphereView:
 
     @classmethod
     def of(cls, direction: Direction, lighting: Lighting, nodes: int = NODES) -> "SphereView":
-        """The nodes for a lighting."""
+        """Return the nodes for a lighting."""
         axes = view_axes(direction)
         normals, rest = _spread(nodes)
         normals = normals @ axes
@@ -91,7 +91,7 @@ class SphereView:
         return cls(direction, normals, frames, wo, seen[:, :2], weights / weights.sum(), around)
 
     def blurred(self, radiance: Tensor, pixels: int | None) -> tuple[Tensor, Tensor]:
-        """(radiance (P, C), weights (P,)) averaged over each of `pixels` across; the nodes' own if None."""
+        """Return (radiance (P, C), weights (P,)) averaged over each of `pixels` across; the nodes' own if None."""
         if pixels is None:
             return radiance, self.weights
         # Where a highlight is narrower than a pixel, it counts on how many it falls: four grids, half a pixel apart.
@@ -116,7 +116,7 @@ class Stage:
 
     @classmethod
     def of(cls, lighting: Lighting, seed: int = 0, views: int = VIEWS, nodes: int = NODES) -> "Stage":
-        """`views` views turned by `seed`."""
+        """Return `views` views turned by `seed`."""
         return cls(lighting, tuple(SphereView.of(each, lighting, nodes) for each in drawn_views(views, seed)))
 
     @cached_property
@@ -136,7 +136,7 @@ class Stage:
         return {}
 
     def draw(self, reflectance: Reflectance) -> list[Tensor]:
-        """The radiance (N, C) at the nodes of each view, C 1 or 3. Raises BadInput where it is not finite."""
+        """Return the radiance (N, C) at the nodes of each view, C 1 or 3. Raises BadInput where it is not finite."""
         shade = shader(reflectance, None)
         materials: list[FilteredMaterial] = []
         drawn = []
@@ -153,7 +153,7 @@ class Stage:
 
 
 def drawn_views(count: int, seed: int) -> list[Direction]:
-    """Unit directions spread evenly over the sphere, turned at random."""
+    """Return unit directions spread evenly over the sphere, turned at random."""
     number = torch.arange(count, dtype=torch.float64)
     even = from_cosine(1 - (2 * number + 1) / count, number * _TURN)
     generator = torch.Generator().manual_seed(seed)
@@ -163,7 +163,7 @@ def drawn_views(count: int, seed: int) -> list[Direction]:
 
 
 def spots(lighting: Lighting) -> list[Tensor]:
-    """Unit directions (3,) to the small lights, the brightest of maps first."""
+    """Return unit directions (3,) to the small lights, the brightest of maps first."""
     directions = []
     for light in lighting.lights:
         if isinstance(light, DirectionalLight):

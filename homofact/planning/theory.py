@@ -36,7 +36,7 @@ class Lobes:
 
     @classmethod
     def of(cls, reflectance: Reflectance) -> "Lobes":
-        """Those of a reflectance, by quadrature on the upper hemisphere."""
+        """Return those of a reflectance, by quadrature on the upper hemisphere."""
         wi, weights = quadrature(_NODES, low=0.0)
         basis = harmonics(ORDER, wi) * (weights * wi[:, 2])[:, None]
         angles = torch.tensor(VIEW_SINES_SQUARED, dtype=torch.float64).sqrt().asin()
@@ -56,14 +56,14 @@ def mean_square(lobes: Tensor, lighting: Lighting) -> Tensor:
 
 
 def lost_above(lobes: Lobes, lighting: Lighting) -> Tensor:
-    """Relative error of the reflected light where a lobe is cut after each order: (ORDER+1,), falling to 0."""
+    """Return relative error of the reflected light where a lobe is cut after each order: (ORDER+1,), falling to 0."""
     by_order = mean_square(lobes.coefficients, lighting)
     kept = by_order.cumsum(0) / by_order.sum()
     return (1 - kept).clamp_min(0).sqrt()
 
 
 def order_needed(lobes: Lobes, lighting: Lighting, error: float) -> int:
-    """The least order after which a lobe may be cut with this relative error of the reflected light."""
+    """Return the least order after which a lobe may be cut with this relative error of the reflected light."""
     return int((lost_above(lobes, lighting) <= error).nonzero()[0, 0])
 
 

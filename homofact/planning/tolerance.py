@@ -58,7 +58,7 @@ class Errors:
     delta_e_study: float = math.nan
 
     def of(self, kind: str) -> float:
-        """The error that a tolerance of this kind speaks of."""
+        """Return the error that a tolerance of this kind speaks of."""
         return float(getattr(self, kind))
 
 
@@ -79,7 +79,7 @@ class Tolerance:
 
     @classmethod
     def named(cls, name: str) -> "Tolerance":
-        """The tolerance of a name of `NAMED`. Raises BadInput for another name."""
+        """Return the tolerance of a name of `NAMED`. Raises BadInput for another name."""
         if name not in NAMED:
             raise BadInput(where="tolerance", found=repr(name), expected=f"one of {', '.join(NAMED)}")
         return cls.of(delta_e_study=float(f"{opinion_table().law.unseen:.3g}"))
@@ -100,7 +100,7 @@ class Tolerance:
         return any(kind not in UNLIT for kind in self.kinds)
 
     def used(self, errors: Errors) -> Used:
-        """The limit that the errors use most of."""
+        """Return the limit that the errors use most of."""
         used = [Used(MARGINS[kind] * errors.of(kind) / limit, kind, errors.of(kind)) for kind, limit in self.limits]
         return max(used, key=lambda part: part.ratio)
 

@@ -52,7 +52,7 @@ class ChainKernels:
 
 
 def cosine_power(alpha: float, gamma: np.ndarray) -> np.ndarray:
-    """The power of the cosine of an α in sr⁻¹ at angles γ in radians."""
+    """Return the power of the cosine of an α in sr⁻¹ at angles γ in radians."""
     power = alpha**-2
     return (power + 1) / (2 * math.pi) * np.cos(gamma).clip(0) ** power
 

@@ -22,7 +22,7 @@ FACES = 6
 
 
 def directions_of(side: int) -> Tensor:
-    """Unit directions (6, N, N, 3) of the texels' centres."""
+    """Return unit directions (6, N, N, 3) of the texels' centres."""
     ticks = (torch.arange(side, dtype=torch.float64) + 0.5) * (2 / side) - 1
     t, s = torch.meshgrid(ticks, ticks, indexing="ij")
     one = torch.ones_like(s)

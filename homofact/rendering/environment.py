@@ -17,7 +17,7 @@ _EXR_MAGIC = b"\x76\x2f\x31\x01"
 
 
 def read_environment(path: str | os.PathLike[str], turn: float = 0.0) -> EnvironmentMap:
-    """The lat-long map in a .hdr or .exr file, linear radiance on the file's own scale; see `rendering.light`.
+    """Return the lat-long map in a .hdr or .exr file, linear radiance on the file's own scale; see `rendering.light`.
 
     An EXR gives its channels R, G, B, or Y. Raises BadInput for a missing, foreign, truncated or padded
     file, missing channels, and pixels that are negative or not finite.

@@ -52,7 +52,7 @@ def draw_sphere(
     view: tuple[float, float, float] = (0.0, 0.0, 1.0),
     to_rgb: ToRgb | None = None,
 ) -> SphereImage:
-    """The sphere by `render_filtered` under one environment, else by `render_sphere`. Raises as they do."""
+    """Return the sphere by `render_filtered` under one environment, else by `render_sphere`. Raises as they do."""
     if isinstance(light, EnvironmentMap):
         return render_filtered(reflectance, light, size, view=view, to_rgb=to_rgb)
     return render_sphere(reflectance, light, size, view=view, to_rgb=to_rgb)
@@ -66,7 +66,7 @@ def render_filtered(
     view: tuple[float, float, float] = (0.0, 0.0, 1.0),
     to_rgb: ToRgb | None = None,
 ) -> SphereImage:
-    """The sphere of `reflectance` in size × size pixels, laid out and coloured as by `render_sphere`.
+    """Return the sphere of `reflectance` in size × size pixels, laid out and coloured as by `render_sphere`.
 
     However large the picture, 300,000 values of an isotropic material are asked for, half of them where it is mirrored
     too (`brdf.symmetry` finds out), and two million of any other. Raises BadInput for channels that do not fit, and
@@ -99,7 +99,10 @@ class Surroundings(NamedTuple):
         view: tuple[float, float, float] = (0.0, 0.0, 1.0),
         fineness: Fineness = FULL,
     ) -> "Surroundings":
-        """`light` for pictures of size × size pixels. Raises BadInput for a size below 8 and a view of length 0."""
+        """Return `light` for pictures of size × size pixels.
+
+        Raises BadInput for a size below 8 and a view of length 0.
+        """
         coverage, surface = seen_surface(size, view)
         return cls._around(
             light, coverage, surface.pixels, surface.frame[:, 2] @ surface.axes.T, surface.axes, fineness
@@ -109,7 +112,7 @@ class Surroundings(NamedTuple):
     def at_normals(
         cls, light: EnvironmentMap, normals: torch.Tensor, view: tuple[float, float, float], fineness: Fineness = FULL
     ) -> "Surroundings":
-        """`light` at unit normals (P, 3) in the world, none turned away from the view: a picture of one row."""
+        """Return `light` at unit normals (P, 3) in the world, none turned away from the view: a picture of one row."""
         axes, count = view_axes(view), len(normals)
         coverage = torch.ones(1, count, dtype=torch.float64)
         return cls._around(light, coverage, torch.arange(count), normals @ axes.T, axes, fineness)
@@ -168,7 +171,7 @@ class FilteredMaterial(NamedTuple):
         return cls(lobe_of(material, base), rest_of(material, base), fineness.azimuths, channels)
 
     def under(self, surroundings: Surroundings) -> SphereImage:
-        """The sphere in `surroundings` of the same view."""
+        """Return the sphere in `surroundings` of the same view."""
         turns, levels = self.rest.shape[:2]
         theta = np.linspace(0, STEEPEST, levels)
         coarse = _summed(self.rest, theta, *surroundings.lamps, self.around, 0)

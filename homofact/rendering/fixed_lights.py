@@ -21,7 +21,7 @@ _LAMPS = (((0.5, 0.6, 0.6245), 8.0, 120.0), ((-0.8, 0.3, -0.5196), 3.0, 20.0))
 
 
 def sky(directions: Tensor) -> Tensor:
-    """Radiance (...) of the fixed sky from unit world directions (..., 3), y up."""
+    """Return radiance (...) of the fixed sky from unit world directions (..., 3), y up."""
     height = directions[..., 1]
     level = 0.08 + 0.92 * torch.sigmoid(8 * height)
     for place, radiance, width in _LAMPS:
@@ -31,7 +31,7 @@ def sky(directions: Tensor) -> Tensor:
 
 @lru_cache(maxsize=4)
 def sky_map(rows: int = 64) -> EnvironmentMap:
-    """The fixed sky as a map of rows × 2 rows texels."""
+    """Return the fixed sky as a map of rows × 2 rows texels."""
     return EnvironmentMap(sky(directions_of_map(rows))[..., None], name="sky")
 
 
@@ -42,7 +42,7 @@ def lamp_map(
     irradiance: float = math.pi,
     rows: int = 128,
 ) -> EnvironmentMap:
-    """A round lamp of even radiance, black around it, as a map of rows × 2 rows texels.
+    """Return a round lamp of even radiance, black around it, as a map of rows × 2 rows texels.
 
     `direction` points to its middle, of any length above 0; `radius` in degrees, below 90; `irradiance` is that of a
     surface that faces it. Texels on its edge have their share of it. Raises BadInput for numbers out of range.

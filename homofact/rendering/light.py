@@ -42,16 +42,16 @@ class DirectionalLight:
             raise BadInput(where="light radiance", found=self.radiance, expected=f"numbers from 0 to {MOST_LIGHT:g}")
 
     def levels(self) -> tuple[float, ...]:
-        """`radiance` as a tuple of one number or one a channel."""
+        """Return `radiance` as a tuple of one number or one a channel."""
         return self.radiance if isinstance(self.radiance, tuple) else (float(self.radiance),)
 
     def unit(self) -> Tensor:
-        """The direction (3,) as a unit vector, float64."""
+        """Return the direction (3,) as a unit vector, float64."""
         direction = torch.tensor(self.direction, dtype=torch.float64)
         return direction / direction.norm()
 
     def describe(self) -> str:
-        """A few words for a caption."""
+        """Return a few words for a caption."""
         x, y, z = self.unit().tolist()
         levels = ", ".join(f"{value:.3g}" for value in self.levels())
         return f"directional light from ({x:.2f}, {y:.2f}, {z:.2f}), irradiance {levels}"
@@ -88,20 +88,20 @@ class EnvironmentMap:
 
     @classmethod
     def constant(cls, level: float = 1.0, rows: int = 8) -> "EnvironmentMap":
-        """The same radiance from everywhere (a furnace)."""
+        """Return the same radiance from everywhere (a furnace)."""
         return cls(torch.full((rows, 2 * rows, 1), float(level), dtype=torch.float64), name="constant")
 
     def turned(self, angle: float) -> "EnvironmentMap":
-        """The surroundings turned about +y by `angle` radians, from +z towards +x."""
+        """Return the surroundings turned about +y by `angle` radians, from +z towards +x."""
         return replace(self, turn=self.turn + angle)
 
     def describe(self) -> str:
-        """A few words for a caption."""
+        """Return a few words for a caption."""
         turned = f" turned by {math.degrees(self.turn):.0f}°" if self.turn else ""
         return f"environment {self.name}{turned}"
 
     def look_up(self, directions: Tensor) -> tuple[Tensor, Tensor]:
-        """Radiance (..., C) and the density (...) of `draw` in sr⁻¹, of unit world directions (..., 3)."""
+        """Return radiance (..., C) and the density (...) of `draw` in sr⁻¹, of unit world directions (..., 3)."""
         rows, columns, channels = self.radiance.shape
         turns = (torch.atan2(directions[..., 0], -directions[..., 2]) + self.turn) / (2 * torch.pi) + 0.5
         column = (torch.remainder(turns, 1.0) * columns).to(torch.int64).clamp(0, columns - 1)
@@ -112,7 +112,7 @@ class EnvironmentMap:
         return level[texel], self._means[texel] / self._running[-1]
 
     def draw(self, points: Tensor) -> Tensor:
-        """Unit world directions (..., 3) of points (..., 2) of the unit square.
+        """Return unit world directions (..., 3) of points (..., 2) of the unit square.
 
         Their density is the map's radiance (mean of the channels) over its integral: the first coordinate
         picks the texel by the running sum and the place along the row, the second the place across it,

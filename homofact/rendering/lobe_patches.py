@@ -38,7 +38,7 @@ class PatchGrid(NamedTuple):
     rest: int
 
     def angles(self) -> Tensor:
-        """θo (L,) of the levels."""
+        """Return θo (L,) of the levels."""
         return torch.linspace(0, STEEPEST, self.levels, dtype=torch.float64)
 
 
@@ -146,7 +146,7 @@ def base_of(material: PatchedMaterial) -> Tensor:
 
 
 def lobe_of(material: PatchedMaterial, base: Tensor) -> PatchedLobe:
-    """The patches of (f − base) m, m the window."""
+    """Return the patches of (f − base) m, m the window."""
     grid = material.grid
     theta, rings, spokes, finer = grid.angles(), grid.rings, grid.spokes, grid.finer
     fine = rings * finer

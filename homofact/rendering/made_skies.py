@@ -61,5 +61,5 @@ MADE_SKIES = tuple(_MADE)
 
 @lru_cache(maxsize=8)
 def made_sky(name: str, rows: int = 256) -> EnvironmentMap:
-    """One of `MADE_SKIES` as a map of rows × 2 rows texels. Raises KeyError for another name."""
+    """Return one of `MADE_SKIES` as a map of rows × 2 rows texels. Raises KeyError for another name."""
     return EnvironmentMap(_MADE[name](directions_of_map(rows)), name=name)

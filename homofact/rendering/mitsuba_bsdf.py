@@ -51,7 +51,7 @@ def register(name: str = NAME) -> None:
 
 
 def load_bsdf(place: str | os.PathLike[str], sampling: str = "lobe") -> Any:
-    """The material (a `mitsuba.BSDF`) of a result's folder or saved file, to be used in a scene's dictionary.
+    """Return the material (a `mitsuba.BSDF`) of a result's folder or saved file, to be used in a scene's dictionary.
 
     `sampling` is one of `SAMPLINGS`. Raises as `register` and `open_fit`, BadInput and not what Mitsuba
     makes of it.
@@ -77,7 +77,7 @@ def measured_bsdf(file: str | os.PathLike[str]) -> Any:
 
 
 def open_mitsuba(variant: str = VARIANT) -> Any:
-    """The module with `variant` set. Raises MissingDependency where it, or LLVM for it, is not installed."""
+    """Return the module with `variant` set. Raises MissingDependency where it, or LLVM for it, is not installed."""
     mi = _mitsuba()
     dr = extras.library("drjit", "mitsuba")
     if variant.startswith("llvm") and not dr.has_backend(dr.JitBackend.LLVM):
@@ -87,7 +87,7 @@ def open_mitsuba(variant: str = VARIANT) -> Any:
 
 
 def open_fit(place: str | os.PathLike[str]) -> Fitted:
-    """The fit of a result's folder or of a saved file; needs no Mitsuba.
+    """Return the fit of a result's folder or of a saved file; needs no Mitsuba.
 
     Raises BadInput where there is none, and for channels that are neither R, G, B, one alone, nor visible wavelengths.
     """
@@ -117,7 +117,7 @@ def _mitsuba() -> Any:
 
 
 def bsdf_class() -> Any:
-    """The subclass of `mitsuba.BSDF` for Mitsuba's variant of the moment. Raises as `register`."""
+    """Return the subclass of `mitsuba.BSDF` for Mitsuba's variant of the moment. Raises as `register`."""
     mi = _mitsuba()
     variant = mi.variant()
     if variant is None:
@@ -136,11 +136,11 @@ class _CosineDrawing:
         self._mi, self._dr = mi, dr
 
     def direction(self, wi: Any, sample1: Any, sample2: Any, active: Any) -> Any:
-        """A direction, of one number and two that are uniform in [0, 1)."""
+        """Return a direction, of one number and two that are uniform in [0, 1)."""
         return self._mi.warp.square_to_cosine_hemisphere(sample2)
 
     def density(self, wi: Any, wo: Any, active: Any) -> Any:
-        """The density of `direction`, in sr⁻¹."""
+        """Return the density of `direction`, in sr⁻¹."""
         return self._dr.select(active, wo.z / self._dr.pi, 0)
 
 
@@ -205,7 +205,7 @@ def _class_of(variant: str) -> Any:
             self.m_flags = flags
 
         def eval(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
-            """f cosθ of the light."""
+            """Return f cosθ of the light."""
             return self._value(ctx, si, wo, self._active(ctx, si, wo, active))
 
         def pdf(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
@@ -213,12 +213,12 @@ def _class_of(variant: str) -> Any:
             return self.drawing.density(si.wi, wo, self._active(ctx, si, wo, active))
 
         def eval_pdf(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
-            """Both at once."""
+            """Return both at once."""
             active = self._active(ctx, si, wo, active)
             return self._value(ctx, si, wo, active), self.drawing.density(si.wi, wo, active)
 
         def sample(self, ctx: Any, si: Any, sample1: Any, sample2: Any, active: Any = True) -> Any:
-            """A direction, and f cosθ over its density."""
+            """Return a direction, and f cosθ over its density."""
             wo = self.drawing.direction(si.wi, sample1, sample2, active)
             active = self._active(ctx, si, wo, active)
             density = self.drawing.density(si.wi, wo, active)

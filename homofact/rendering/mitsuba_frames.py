@@ -32,7 +32,7 @@ def _class_of(variant: str) -> Any:
             self.m_flags = nested.flags()
 
         def eval(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
-            """F cosθ of the light."""
+            """Return F cosθ of the light."""
             own, turn = self._turned(si, active)
             return self.nested.eval(ctx, own, _rotate(wo, turn), active)
 
@@ -42,19 +42,19 @@ def _class_of(variant: str) -> Any:
             return self.nested.pdf(ctx, own, _rotate(wo, turn), active)
 
         def eval_pdf(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
-            """Both at once."""
+            """Return both at once."""
             own, turn = self._turned(si, active)
             return self.nested.eval_pdf(ctx, own, _rotate(wo, turn), active)
 
         def sample(self, ctx: Any, si: Any, sample1: Any, sample2: Any, active: Any = True) -> Any:
-            """A direction, and f cosθ over its density."""
+            """Return a direction, and f cosθ over its density."""
             own, turn = self._turned(si, active)
             sample, weight = self.nested.sample(ctx, own, sample1, sample2, active)
             sample.wo = _rotate(sample.wo, (turn[0], -turn[1]))
             return sample, weight
 
         def to_string(self) -> str:
-            """What is inside."""
+            """Return what is inside."""
             return f"framed[{self.nested}]"
 
         def _turned(self, si: Any, active: Any) -> tuple[Any, tuple[Any, Any]]:

@@ -63,7 +63,7 @@ def _class_of(base: Any) -> Any:
             self._draw_from(SAMPLINGS[0], reflectance, bool(getattr(reflectance, "isotropic", False)))
 
         def to_string(self) -> str:
-            """What reflects."""
+            """Return what reflects."""
             return f"homofact[{self.name}]"
 
     return ReflectanceBSDF

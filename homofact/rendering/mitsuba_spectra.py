@@ -25,7 +25,7 @@ Spectra = Callable[[list[Any], Any], Any]
 
 
 def spectra_of(mi: Any, channels: Sequence[str]) -> Spectra:
-    """What turns C values in sr⁻¹ and a surface interaction into a `mitsuba.Spectrum`, in the variant of `mi`.
+    """Return what turns C values in sr⁻¹ and a surface interaction into a `mitsuba.Spectrum`, in the variant of `mi`.
 
     Raises BadInput for several channels that are neither R, G, B nor visible wavelengths.
     """

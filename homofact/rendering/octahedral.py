@@ -34,7 +34,7 @@ class Pyramid(NamedTuple):
 
     @classmethod
     def of(cls, light: EnvironmentMap, axes: Tensor) -> "Pyramid":
-        """The pyramid of a map, in the frame whose unit vectors are the rows of `axes` (3, 3) in the world."""
+        """Return the pyramid of a map, in the frame whose unit vectors are the rows of `axes` (3, 3) in the world."""
         level = light.radiance.expand(-1, -1, 3)
         if len(level) > _ROWS:
             level = adaptive_avg_pool2d(level.permute(2, 0, 1), (_ROWS, 2 * _ROWS)).permute(1, 2, 0)
@@ -82,7 +82,7 @@ class Pyramid(NamedTuple):
 
 
 def directions_of(side: int) -> Tensor:
-    """Unit directions (N, N, 3) of the texels' centres, row by row along the second coordinate."""
+    """Return unit directions (N, N, 3) of the texels' centres, row by row along the second coordinate."""
     ticks = (torch.arange(side, dtype=torch.float64) + 0.5) * (2 / side) - 1
     y, x = torch.meshgrid(ticks, ticks, indexing="ij")
     z = 1 - x.abs() - y.abs()

@@ -90,7 +90,7 @@ class LevelTable:
         return [*made, Let("reflected", total if self.factor == 1 else total * self.factor)]
 
     def program(self, skies: tuple[tuple[int, ...], ...], title: tuple[str, ...], first: int = 0) -> Program:
-        """`PREFIX_reflected`, radiance (3,), its textures numbered from `first`: table, chain, irradiance.
+        """Return `PREFIX_reflected`, radiance (3,), its textures numbered from `first`: table, chain, irradiance.
 
         `skies` are the (levels, 6, rows, columns) of chain and irradiance.
         """
@@ -159,7 +159,7 @@ def _words(lobes: int, number: int) -> str:
 
 
 def level_table(response: Response, factor: float = 1.0) -> LevelTable:
-    """The table's texels. Channels are 3, or one that is all of them."""
+    """Return the table's texels. Channels are 3, or one that is all of them."""
     columns, lobes, _ = response.lobes.shape
     rows = lobes + 2 + (response.across is not None)
     table = torch.zeros(rows, columns, 4, dtype=torch.float64)
@@ -171,6 +171,6 @@ def level_table(response: Response, factor: float = 1.0) -> LevelTable:
 
 
 def prefiltered(response: Response, sky: S) -> Prefiltered[S]:
-    """A material's table beside a sky. They have the same levels."""
+    """Return a material's table beside a sky. They have the same levels."""
     assert response.kernels == sky.kernels, "the table is for another chain"
     return Prefiltered(level_table(response, sky.factor), sky)

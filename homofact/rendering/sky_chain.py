@@ -84,19 +84,19 @@ def check_side(side: int) -> None:
 
 
 def sides_of(side: int) -> list[int]:
-    """The sides of all levels."""
+    """Return the sides of all levels."""
     return [side >> k for k in range(int(math.log2(side // LAST)) + 1)]
 
 
 def own_kernels(side: int) -> ChainKernels:
-    """The kernels of our own chain that begins with faces of so many texels. Raises BadInput as `check_side`."""
+    """Return the kernels of our own chain that begins with faces of so many texels. Raises BadInput as `check_side`."""
     check_side(side)
     last = len(sides_of(side)) - 1
     return ChainKernels(tuple((TEXELS / side) ** (1 - k / last) for k in range(last + 1)))
 
 
 def chain_of(light: EnvironmentMap, side: int = SIDE, kernels: ChainKernels | None = None) -> SkyChain:
-    """The chain of an environment, by our own kernels unless told otherwise. Raises BadInput as `check_side`."""
+    """Return the chain of an environment, by our own kernels unless told otherwise. Raises BadInput as `check_side`."""
     kernels = kernels or own_kernels(side)
     pyramid = Pyramid.of(light, torch.eye(3, dtype=torch.float64))
     levels = []
@@ -133,7 +133,7 @@ class FilteredSky:
 
     @classmethod
     def of(cls, light: EnvironmentMap, kernels: ChainKernels) -> "FilteredSky":
-        """An environment's."""
+        """Return an environment's."""
         return cls(Pyramid.of(light, torch.eye(3, dtype=torch.float64)), kernels)
 
     @property
@@ -147,7 +147,7 @@ class FilteredSky:
         return _Lit(self)
 
     def read(self, directions: Tensor, level: Tensor) -> Tensor:
-        """Radiance (N, 3), linear between two levels."""
+        """Return radiance (N, 3), linear between two levels."""
         last = len(self.kernels.alphas) - 1
         towards = (directions / directions.norm(dim=1, keepdim=True)).numpy()
         place = level.clamp(0, last).numpy()

@@ -47,7 +47,7 @@ def render_sphere(
     seed: int = 0,
     batch: int = 1 << 17,
 ) -> SphereImage:
-    """The sphere in size × size pixels, its radius 0.94 of half the picture.
+    """Return the sphere in size × size pixels, its radius 0.94 of half the picture.
 
     `to_rgb` turns reflectances (N, C) into (N, 3) linear sRGB, as a (3, C) matrix or a callable; it is
     needed where C is neither 1 nor 3. `samples` directions a pixel integrate an environment, drawn by

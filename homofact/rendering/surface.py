@@ -44,7 +44,7 @@ def seen_surface(size: int, view: tuple[float, float, float]) -> tuple[Tensor, S
 
 
 def view_axes(view: tuple[float, float, float]) -> Tensor:
-    """The picture's right and up and the direction to the viewer (3, 3), world; BadInput for bad numbers."""
+    """Return the picture's right and up and the direction to the viewer (3, 3), world; BadInput for bad numbers."""
     place = torch.tensor(view, dtype=torch.float64)
     if tuple(place.shape) != (3,) or not bool(torch.isfinite(place).all()) or not bool(place.any()):
         raise BadInput(where="view", found=view, expected="three finite numbers, not all 0")
@@ -89,7 +89,7 @@ def _azimuthal(n: Tensor) -> Tensor:
 
 
 def shader(reflectance: Reflectance, to_rgb: ToRgb | None) -> Callable[[Tensor, Tensor], Tensor]:
-    """f(wi, wo) of tensors (N, 3) in 1 or 3 channels; it raises BadInput where a value is not finite.
+    """Return f(wi, wo) of tensors (N, 3) in 1 or 3 channels; it raises BadInput where a value is not finite.
 
     Raises BadInput for channels that `to_rgb` does not fit.
     """

@@ -36,13 +36,13 @@ class ToneMapped(NamedTuple):
 
 
 def encode_srgb(linear: Tensor) -> Tensor:
-    """The sRGB transfer curve of linear values, clipped to [0, 1] (IEC 61966-2-1)."""
+    """Return the sRGB transfer curve of linear values, clipped to [0, 1] (IEC 61966-2-1)."""
     linear = linear.clamp(0, 1)
     return torch.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
 
 
 def choose_exposure(image: SphereImage) -> float:
-    """The factor that takes the 99th percentile of the pixels' largest channel to 0.9; 1 if all is black."""
+    """Return the factor that takes the 99th percentile of the pixels' largest channel to 0.9; 1 if all is black."""
     brightest = image.radiance.max(2).values[image.coverage > 0]
     if brightest.numel() == 0:
         return 1.0
@@ -52,7 +52,7 @@ def choose_exposure(image: SphereImage) -> float:
 
 
 def choose_middle(image: SphereImage) -> float:
-    """The factor that takes the median brightness of the lit pixels to 0.18; 1 if all is black.
+    """Return the factor that takes the median brightness of the lit pixels to 0.18; 1 if all is black.
 
     Unlike `choose_exposure` it leaves a glossy paint visible under its own highlights, for the filmic curve to hold.
     Brightness is the mean of a pixel's channels.
@@ -73,7 +73,7 @@ def automatic_exposure(image: SphereImage) -> float:
 
 
 def tonemap(image: SphereImage, exposure: float, background: float = _BACKGROUND, curve: str = CURVES[0]) -> ToneMapped:
-    """The picture over a grey `background` (linear), coverage blended in linear light.
+    """Return the picture over a grey `background` (linear), coverage blended in linear light.
 
     One channel becomes grey. Raises BadInput for an exposure that is not above 0, and for a curve that is none.
     """
@@ -85,7 +85,7 @@ def tonemap(image: SphereImage, exposure: float, background: float = _BACKGROUND
 
 
 def displayed(image: SphereImage, exposure: float, background: float = _BACKGROUND, curve: str = CURVES[0]) -> Tensor:
-    """The same picture before its rounding to 8 bits: (H, W, 3) in [0, 1], clipped; same errors."""
+    """Return the same picture before its rounding to 8 bits: (H, W, 3) in [0, 1], clipped; same errors."""
     if not 0 < exposure < float("inf"):
         raise BadInput(where="exposure", found=exposure, expected="above 0")
     share = image.coverage[..., None]

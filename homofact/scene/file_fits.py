@@ -41,7 +41,7 @@ class FileFit:
         return self.fit.provenance[_FACTS]["errors"]
 
     def record(self) -> dict[str, Any]:
-        """JSON-able."""
+        """Return the JSON form."""
         return {"file": self.name, **self.errors}
 
     def sentence(self, words: str) -> str:
@@ -65,7 +65,7 @@ class FileFits:
     made: dict[str, FileFit] = field(default_factory=dict)
 
     def of(self, words: str) -> FileFit:
-        """The fit of a file. Raises BadInput for a file that cannot be read or fitted."""
+        """Return the fit of a file. Raises BadInput for a file that cannot be read or fitted."""
         if words not in self.made:
             name = _name_of(words)
             self.made[words] = self._kept(name) or self._fitted(words, name)

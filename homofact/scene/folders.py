@@ -20,7 +20,7 @@ from homofact.scene.file_fits import FileFit
 
 
 def report_name(kind: FolderKind) -> str:
-    """The name of the report in a folder of this kind."""
+    """Return the name of the report in a folder of this kind."""
     return Path(kind.mark).with_suffix(".json").name
 
 
@@ -52,7 +52,7 @@ def write_scene_folder(
 
 
 def read_scene_archive(file: Path, what: str) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-    """(arrays, header) of an archive, which messages call `what`. Raises BadInput for one that is damaged."""
+    """Return (arrays, header) of an archive, which messages call `what`. Raises BadInput for one that is damaged."""
     raw = read_bytes(file, what)
     arrays = read_arrays(file, raw, member_names(file, raw, what), what)
     return arrays, read_header(file, arrays, what)

@@ -131,7 +131,7 @@ class LightTable:
             raise BadInput(found="none or both", expected="exactly one of environment, named")
 
     def map(self, folder: Path) -> EnvironmentMap:
-        """The environment map, its file relative to `folder`.
+        """Return the environment map, its file relative to `folder`.
 
         Raises BadInput for a file that cannot be read and a name that is no map.
         """
@@ -144,7 +144,10 @@ class LightTable:
             raise error.at("lighting.named") from error
 
     def lighting(self, folder: Path) -> Lighting:
-        """The light, a map or directional. Raises BadInput as `map`, and for a directional light that is turned."""
+        """Return the light, a map or directional.
+
+        Raises BadInput as `map`, and for a directional light that is turned.
+        """
         if self.environment is not None:
             light = self.map(folder)
             return Lighting(light.name, (light,), light.describe())
@@ -171,7 +174,7 @@ def environment_coefficients(light: EnvironmentMap, order: int) -> Tensor:
 
 
 def texel_directions(rows: int, columns: int, turn: float = 0.0, which: Tensor | None = None) -> Tensor:
-    """Unit directions (rows·columns, 3) of a lat-long map's texel centres, laid out as `rendering.light` says.
+    """Return unit directions (rows·columns, 3) of a lat-long map's texel centres, laid out as `rendering.light` says.
 
     `which` lists the indices of the rows. Default: all.
     """
@@ -181,7 +184,7 @@ def texel_directions(rows: int, columns: int, turn: float = 0.0, which: Tensor |
 
 
 def ring_directions(y: Tensor, around: Tensor, columns: int, turn: float) -> Tensor:
-    """Unit directions (R·columns, 3) of points on R rings at heights `y` (R,) with radii `around` (R,).
+    """Return unit directions (R·columns, 3) of points on R rings at heights `y` (R,) with radii `around` (R,).
 
     Azimuths are those of a lat-long map's columns.
     """
@@ -191,7 +194,7 @@ def ring_directions(y: Tensor, around: Tensor, columns: int, turn: float) -> Ten
 
 
 def named_lighting(name: str) -> Lighting:
-    """The lighting called `name`. Raises BadInput that lists the names."""
+    """Return the lighting called `name`. Raises BadInput that lists the names."""
     if name not in NAMED:
         raise BadInput(where="lighting.named", found=repr(name), expected=f"one of {', '.join(NAMED)}")
     make, words = NAMED[name]
@@ -199,7 +202,7 @@ def named_lighting(name: str) -> Lighting:
 
 
 def named_environment(name: str) -> EnvironmentMap:
-    """The lighting called `name`, where it is a map. Raises BadInput that lists the names."""
+    """Return the lighting called `name`, where it is a map. Raises BadInput that lists the names."""
     maps = {key: found for key, (make, _) in NAMED.items() if isinstance(found := make()[0], EnvironmentMap)}
     if name not in maps:
         raise BadInput(found=repr(name), expected=f"an environment map or one of {', '.join(maps)}")
@@ -207,7 +210,7 @@ def named_environment(name: str) -> EnvironmentMap:
 
 
 def open_environment(place: str | Path) -> EnvironmentMap:
-    """A named lighting that is a map, or the map in a .hdr or .exr file. Raises BadInput for neither."""
+    """Return a named lighting that is a map, or the map in a .hdr or .exr file. Raises BadInput for neither."""
     if Path(place).suffix or Path(place).is_file():
         return read_environment(place)
     try:
@@ -265,12 +268,12 @@ def _levels(light: Light) -> tuple[float, ...]:
 
 
 def solid_angles(rows: int, columns: int) -> Tensor:
-    """Steradians of each texel (rows·columns,)."""
+    """Return steradians of each texel (rows·columns,)."""
     return band_angles(rows, columns).repeat_interleave(columns)
 
 
 def band_angles(rows: int, columns: int) -> Tensor:
-    """Steradians of a texel of each row (rows,)."""
+    """Return steradians of a texel of each row (rows,)."""
     edges = torch.cos(torch.arange(rows + 1, dtype=torch.float64) * (math.pi / rows))
     return (edges[:-1] - edges[1:]) * (2 * math.pi / columns)
 

@@ -79,7 +79,10 @@ class OpenedMaterial:
 def open_materials(
     tables: Iterable[MaterialTable], stage: Stage | None = None, fits: FileFits | None = None
 ) -> tuple[OpenedMaterial, ...]:
-    """The materials of tables, each opened once; files by way of `fits`. Raises BadInput for what cannot be read."""
+    """Return the materials of tables, each opened once; files by way of `fits`.
+
+    Raises BadInput for what cannot be read.
+    """
     opened: dict[str, OpenedMaterial] = {}
     fits = fits or FileFits()
     materials = []
@@ -127,7 +130,7 @@ def _matt(words: str, albedo: tuple[float, ...]) -> OpenedMaterial:
 
 
 def found_source(text: str, folder: Path, where: str) -> str:
-    """The source with its file, relative to `folder`, made findable from the working folder.
+    """Return the source with its file, relative to `folder`, made findable from the working folder.
 
     Raises BadInput, beginning with `where`, for a file that is not there and an unknown material.
     """

@@ -18,7 +18,7 @@ _SHAPES: dict[str, Callable[[], Mesh]] = {"sphere": sphere, "knot": torus_knot}
 
 
 def open_mesh(text: str) -> Mesh:
-    """A mesh's file, a part of a glTF file as "FILE#PART", or a shape by its name with `SHAPE_PREFIX`.
+    """Return a mesh's file, a part of a glTF file as "FILE#PART", or a shape by its name with `SHAPE_PREFIX`.
 
     Raises BadInput for what cannot be read.
     """
@@ -28,7 +28,7 @@ def open_mesh(text: str) -> Mesh:
 
 
 def shape(text: str, where: str) -> Callable[[], Mesh]:
-    """What makes the shape of that name. Raises BadInput, beginning with `where`, for another name."""
+    """Return what makes the shape of that name. Raises BadInput, beginning with `where`, for another name."""
     name = text.removeprefix(SHAPE_PREFIX)
     if name not in _SHAPES:
         names = ", ".join(SHAPE_PREFIX + known for known in _SHAPES)
@@ -37,12 +37,12 @@ def shape(text: str, where: str) -> Callable[[], Mesh]:
 
 
 def lowest(meshes: Sequence[Mesh]) -> float:
-    """The height of the lowest vertex of some meshes that a triangle uses."""
+    """Return the height of the lowest vertex of some meshes that a triangle uses."""
     return min(float(mesh.positions[np.unique(mesh.triangles), 1].min()) for mesh in meshes)
 
 
 def faded(mesh: Mesh) -> tuple[float, float] | None:
-    """The distances from the y axis between which a level plane ends softly; None of any other mesh."""
+    """Return the distances from the y axis between which a level plane ends softly; None of any other mesh."""
     if float(np.ptp(mesh.positions[:, 1])) > 0:
         return None
     half = float(np.abs(mesh.positions[:, ::2]).max())

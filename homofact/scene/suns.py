@@ -29,7 +29,7 @@ class SunTable:
         self.light()
 
     def light(self) -> DirectionalLight:
-        """The sun as a light. Raises BadInput for negative or unbounded irradiance."""
+        """Return the sun as a light. Raises BadInput for negative or unbounded irradiance."""
         x, y, z = self.direction
         levels = self.irradiance[0] if len(self.irradiance) == 1 else self.irradiance
         try:

@@ -35,12 +35,12 @@ class VisiblePixels:
         return len(self.numbers)
 
     def some(self, rows: np.ndarray) -> "VisiblePixels":
-        """Those of the given rows."""
+        """Return those of the given rows."""
         return VisiblePixels(*(getattr(self, name)[rows] for name in PIXEL_ARRAYS))
 
 
 def visible_pixels(meshes: MeshGroup, camera: Camera, rims: bool = False) -> VisiblePixels:
-    """What is nearest through each pixel's centre; normals are interpolated.
+    """Return what is nearest through each pixel's centre; normals are interpolated.
 
     A pixel whose interpolated normal is turned away from the viewer, as happens on coarse rims, is not covered unless
     `rims` are asked for.

@@ -40,12 +40,12 @@ class Factors:
     iterations: int = 0
 
     def product(self) -> Tensor:
-        """The approximation (n, m)."""
+        """Return the approximation (n, m)."""
         return (self.left * self.signs) @ (self.left if self.right is None else self.right).T
 
 
 def svd(matrix: Tensor, terms: int) -> Factors:
-    """The K = `terms` leading singular triples of (n, m); fewer where the matrix has fewer."""
+    """Return the K = `terms` leading singular triples of (n, m); fewer where the matrix has fewer."""
     u, s, vh = torch.linalg.svd(_finite(matrix), full_matrices=False)
     terms = min(terms, len(s))
     root = s[:terms].sqrt()
@@ -53,7 +53,10 @@ def svd(matrix: Tensor, terms: int) -> Factors:
 
 
 def eigen(matrix: Tensor, terms: int) -> Factors:
-    """The `terms` eigenvectors of largest |eigenvalue| of a symmetric (n, n). Raises BadInput where it is not."""
+    """Return the `terms` eigenvectors of largest |eigenvalue| of a symmetric (n, n).
+
+    Raises BadInput where it is not.
+    """
     _check_symmetric(matrix)
     n = matrix.shape[0]
     terms = min(terms, n)
@@ -156,7 +159,7 @@ def imputed(matrix: Tensor, valid: Tensor, terms: int, rounds: int = 60) -> Tens
 
 
 def normalized(matrix: Tensor) -> Factors:
-    """The one non-negative term of the normalized decomposition. Raises BadInput for a negative entry."""
+    """Return the one non-negative term of the normalized decomposition. Raises BadInput for a negative entry."""
     if bool((_finite(matrix) < 0).any()):
         raise BadInput(where="matrix", found=f"{float(matrix.min()):.4g}", expected="no negative entry to normalize")
     norms = matrix.sum(1, keepdim=True)

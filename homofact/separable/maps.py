@@ -45,18 +45,18 @@ class DirectionMap:
     _density: Callable[[Tensor], Tensor]
 
     def to_square(self, w: Tensor) -> Tensor:
-        """Points (..., 2) of unit vectors (..., 3), z ≥ 0."""
+        """Return points (..., 2) of unit vectors (..., 3), z ≥ 0."""
         return axes_of(map_axes(self.name, "i"), w, w, self.scales)
 
     def from_square(self, uv: Tensor) -> Tensor:
-        """Unit vectors (..., 3), z ≥ 0, of points (..., 2)."""
+        """Return unit vectors (..., 3), z ≥ 0, of points (..., 2)."""
         if self.disc:
             radius = uv.norm(dim=-1, keepdim=True)
             uv = uv / radius.clamp_min(1)
         return self._inverse(uv)
 
     def texel_directions(self, size: int) -> Tensor:
-        """Unit vectors (size², 3) of all texel centres, row by row, z ≥ `LEAST_COSINE`."""
+        """Return unit vectors (size², 3) of all texel centres, row by row, z ≥ `LEAST_COSINE`."""
         return raised(self.from_square(texel_centres(size)))
 
     def texel_weights(self, size: int) -> Tensor:
@@ -67,7 +67,7 @@ class DirectionMap:
         return weights / weights.mean()
 
     def read(self, size: int) -> Tensor:
-        """(size²,) bool: whether some direction's bilinear stencil reads the texel."""
+        """Return (size²,) bool: whether some direction's bilinear stencil reads the texel."""
         centres = texel_centres(size)
         if not self.disc:
             return torch.ones(len(centres), dtype=torch.bool)
@@ -77,13 +77,13 @@ class DirectionMap:
 
 
 def texel_centres(size: int) -> Tensor:
-    """(size², 2) texel centres in [−1, 1]², row by row, the first coordinate along a row."""
+    """Return (size², 2) texel centres in [−1, 1]², row by row, the first coordinate along a row."""
     line = torch.linspace(-1, 1, size, dtype=torch.float64)
     return torch.stack((line.repeat(size), line.repeat_interleave(size)), 1)
 
 
 def raised(w: Tensor) -> Tensor:
-    """Unit vectors (..., 3) with z ≥ `LEAST_COSINE`: those below are raised to it at their azimuth."""
+    """Return unit vectors (..., 3) with z ≥ `LEAST_COSINE`: those below are raised to it at their azimuth."""
     flat = w[..., :2]
     length = flat.norm(dim=-1, keepdim=True)
     scale = (1 - LEAST_COSINE**2) ** 0.5 / length.clamp_min(1e-300)
@@ -114,7 +114,7 @@ MAPS = {name: _BY_NAME[name] for name in MAP_NAMES}
 
 
 def direction_map(name: str) -> DirectionMap:
-    """The map called `name`. Raises BadInput that lists the names."""
+    """Return the map called `name`. Raises BadInput that lists the names."""
     if name not in MAPS:
         raise BadInput(where="map", found=repr(name), expected=f"one of {', '.join(MAPS)}")
     return MAPS[name]

@@ -41,7 +41,7 @@ class BrdfMatrix:
     parameterization: str
 
     def texture(self, factor: Tensor) -> Tensor:
-        """The (size, size) texture of one factor (n,); texels that no direction reads are 0."""
+        """Return the (size, size) texture of one factor (n,); texels that no direction reads are 0."""
         whole = factor.new_zeros(self.size**2)
         whole[self.read] = factor
         return whole.reshape(self.size, self.size)

@@ -29,7 +29,7 @@ class NonNegative:
     converged: bool
 
     def product(self) -> Tensor:
-        """The approximation (n, m)."""
+        """Return the approximation (n, m)."""
         return self.left @ self.right.T
 
 

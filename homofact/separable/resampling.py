@@ -35,7 +35,7 @@ _HALF_OVER_DIFFERENCE = 1.5
 
 
 def resampled(samples: Samples, reciprocal: bool) -> Reflectance:
-    """What answers for `samples` between them; `reciprocal` lets every anisotropic sample count exchanged, too.
+    """Return what answers for `samples` between them; `reciprocal` lets every anisotropic sample count exchanged, too.
 
     Raises BadInput for too few samples.
     """
@@ -79,7 +79,7 @@ class LocalPlanes:
         return NEIGHBOURS
 
     def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
-        """BRDF values (N, C) in sr⁻¹, ≥ 0, without the cosine; 0 where a direction is under the horizon."""
+        """Return BRDF values (N, C) in sr⁻¹, ≥ 0, without the cosine; 0 where a direction is under the horizon."""
         values = torch.zeros(wi.shape[0], len(self.channels), dtype=torch.float64)
         rows = ((wi[:, 2] >= 0) & (wo[:, 2] >= 0)).nonzero()[:, 0]
         for part in rows.split(_CHUNK):

@@ -102,7 +102,7 @@ class Separable:
         return 2 * len(self.terms)
 
     def evaluate_signed(self, wi: "Tensor", wo: "Tensor") -> "Tensor":
-        """The sum of products (N, C) in sr⁻¹ before it is cut at zero."""
+        """Return the sum of products (N, C) in sr⁻¹ before it is cut at zero."""
         import torch
 
         from homofact.linear.bilinear import lookup
@@ -117,21 +117,21 @@ class Separable:
         return (left * right * signs).sum(1).to(wi)
 
     def places(self, wi: "Tensor", wo: "Tensor") -> "tuple[Tensor, Tensor]":
-        """Where the first and the second textures are read, (N, 2) in [−1, 1]² each."""
+        """Return where the first and the second textures are read, (N, 2) in [−1, 1]² each."""
         scales = MAP_SCALES[self.map]
         first, second = (axes_of(axes, wi, wo, scales) for axes in self._axes)
         return first, second
 
     @answering_in_kind
     def evaluate(self, wi: "Tensor", wo: "Tensor") -> "Tensor":
-        """BRDF values (N, C) in sr⁻¹, ≥ 0, without the cosine; 0 where a direction is under the horizon."""
+        """Return BRDF values (N, C) in sr⁻¹, ≥ 0, without the cosine; 0 where a direction is under the horizon."""
         from homofact.geometry.directions import above_horizon
 
         above, wi, wo = above_horizon(wi, wo)
         return self.evaluate_signed(wi, wo).clamp_min(0) * above[:, None]
 
     def clipped(self, wi: "Tensor", wo: "Tensor") -> float:
-        """The share of values at these pairs, over all channels, that are negative and evaluate to 0."""
+        """Return the share of values at these pairs, over all channels, that are negative and evaluate to 0."""
         return float((self.evaluate_signed(wi, wo) < 0).double().mean())
 
     @property
@@ -165,7 +165,7 @@ class Separable:
         grids: Sequence[QuantizationGrid | None] | None = None,
         facts: Mapping[str, Any] | None = None,
     ) -> "Separable":
-        """The same terms with other factors (rows, columns, C); as `Fitted.with_textures`."""
+        """Return the same terms with other factors (rows, columns, C); as `Fitted.with_textures`."""
         left, grid = map(as_array, texels), iter(grids or (None,) * len(texels))
         terms = []
         for term in self.terms:
@@ -175,7 +175,7 @@ class Separable:
         return replace(self, terms=tuple(terms), provenance=self.provenance | dict(facts or {}))
 
     def describe(self) -> dict[str, Any]:
-        """The map, what the sides are indexed by, which texels are read, and the terms' signs."""
+        """Return the map, what the sides are indexed by, which texels are read, and the terms' signs."""
         terms, texture = [], 0
         for term in self.terms:
             numbers = list(range(texture, texture + len(term.textures)))

@@ -13,7 +13,7 @@ _RELIGHTING, _EDITING = {"terms", "error", "share"}, {"name", "curves", "bands"}
 
 
 def kinds_of(table: Mapping[str, Any]) -> set[str]:
-    """The kinds that a table may be, by the sections that only they have; none where nothing tells."""
+    """Return the kinds that a table may be, by the sections that only they have; none where nothing tells."""
     if "sources" in table or isinstance(table.get("method"), list):
         return {SWEEP}
     if isinstance(table.get("material"), list):

@@ -49,18 +49,18 @@ class Option:
 
 
 def nearest(found: str, names: Iterable[str]) -> str:
-    """The name that a word misspells, as a hint: "nearest: mccool"; "" where it is near none."""
+    """Return the name that a word misspells, as a hint: "nearest: mccool"; "" where it is near none."""
     near = get_close_matches(found, tuple(names), n=1, cutoff=0.6)
     return f"nearest: {near[0]}" if near else ""
 
 
 def option(default: Any, help: str, **more: Any) -> Any:
-    """The dataclass field of an `Option`; `more` are the option's other attributes."""
+    """Return the dataclass field of an `Option`; `more` are the option's other attributes."""
     return field(default=default, metadata={"option": Option(help, **more)})
 
 
 def required(help: str, **more: Any) -> Any:
-    """The dataclass field of an `Option` that has no default."""
+    """Return the dataclass field of an `Option` that has no default."""
     return field(metadata={"option": Option(help, **more)})
 
 
@@ -98,7 +98,10 @@ class Declared:
         return self.option.flag or self.name.replace("_", "-")
 
     def checked(self, value: Any) -> Any:
-        """The value as the field holds it: lists as tuples. Raises BadInput naming the option, found and expected."""
+        """Return the value as the field holds it: lists as tuples.
+
+        Raises BadInput naming the option, found and expected.
+        """
         if value is None and self.optional:
             return None
         if self.is_list and isinstance(value, str):
@@ -115,7 +118,7 @@ class Declared:
         return value
 
     def read(self, value: Any, where: str | None = None) -> Any:
-        """The value of a TOML or JSON file as the field holds it: arrays as tuples, whole numbers as floats.
+        """Return the value of a TOML or JSON file as the field holds it: arrays as tuples, whole numbers as floats.
 
         Raises BadInput, at `where` or the field's name.
         """
@@ -165,7 +168,7 @@ class Declared:
         return ranged or _WORDS[kind]
 
     def from_text(self, text: str) -> Any:
-        """The value of a word of the command line. Raises BadInput for a word without a value."""
+        """Return the value of a word of the command line. Raises BadInput for a word without a value."""
         if not self.is_list:
             return _number(text) if float in self.kinds else text
         parts = tuple(part.strip() for part in re.split(f"[{re.escape(self.option.separators)}]", text) if part.strip())
@@ -252,13 +255,13 @@ class Declared:
 
 
 def again(settings: type, name: str, default: Any) -> Any:
-    """The field of an option that another dataclass declares, with another default."""
+    """Return the field of an option that another dataclass declares, with another default."""
     return field(default=default, metadata={"option": options_of(settings)[name].option})
 
 
 @cache
 def options_of(settings: type) -> dict[str, Declared]:
-    """The options that a dataclass declares, by name, in their order."""
+    """Return the options that a dataclass declares, by name, in their order."""
     hints = typing.get_type_hints(settings)
     return {each.name: declared(each, hints[each.name]) for each in fields(settings) if "option" in each.metadata}
 
@@ -284,7 +287,7 @@ def _is(value: Any, kind: Any) -> bool:
 
 
 def described(value: Any) -> str:
-    """What was found in a file, in words."""
+    """Return what was found in a file, in words."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, str):

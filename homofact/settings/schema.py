@@ -17,7 +17,7 @@ _PLAIN = {bool: "boolean", int: "integer", float: "number", str: "string"}
 
 
 def schema_of(cls: type[Any], title: str, rests: Mapping[type, Mapping[str, Any]] | None = None) -> dict[str, Any]:
-    """The schema of a file with this dataclass as its whole table.
+    """Return the schema of a file with this dataclass as its whole table.
 
     `rests` has the properties of sections that take keys beside their fields, by dataclass.
     """
@@ -25,7 +25,7 @@ def schema_of(cls: type[Any], title: str, rests: Mapping[type, Mapping[str, Any]
 
 
 def value_schema(own: Declared) -> dict[str, Any]:
-    """The schema of one value: alternatives where it may be of several types."""
+    """Return the schema of one value: alternatives where it may be of several types."""
     kinds = [_kind(own, kind) for kind in own.kinds]
     if own.is_list and "+" in own.option.separators:
         kinds.append({"type": "string"})

@@ -28,7 +28,7 @@ T = TypeVar("T")
 def read_table(
     cls: type[T], table: Mapping[str, Any], place: str | Callable[[str], str] = "", also: Iterable[str] = ()
 ) -> T:
-    """The dataclass that a whole table says.
+    """Return the dataclass that a whole table says.
 
     `place` goes before every message ("scene.toml: "), or says where a dotted key is; `also` are dotted keys that there
     are beside those of the fields. Raises BadInput for an unknown
@@ -40,7 +40,7 @@ def read_table(
 
 
 def keys_of(cls: type[Any], name: str = "") -> list[str]:
-    """The dotted keys of a dataclass under `name`, its sections and their keys among them."""
+    """Return the dotted keys of a dataclass under `name`, its sections and their keys among them."""
     keys = []
     for field, hint in typing.get_type_hints(cls).items():
         key = _joined(name, field)
@@ -51,7 +51,7 @@ def keys_of(cls: type[Any], name: str = "") -> list[str]:
 
 
 def unknown_key(key: str, own: Iterable[str], known: Iterable[str], where: str, what: str = "key") -> BadInput:
-    """The error on a key that means nothing, which names the key that it misspells.
+    """Return the error on a key that means nothing, which names the key that it misspells.
 
     That is one of the same section (`own` are its names) that is near it, or else the same name in another section
     (`known` are all dotted keys). Where there is none, the section's keys are listed.
@@ -73,7 +73,7 @@ class _Reader:
     known: list[str]
 
     def build(self, cls: type[T], table: Any, name: str) -> T:
-        """The `cls` of section `name`."""
+        """Return the `cls` of section `name`."""
         values = self.values(cls, table, name)
         for field, hint in _fields(cls):
             if field.name not in values and field.default is field.default_factory is dataclasses.MISSING:
@@ -89,7 +89,7 @@ class _Reader:
             raise (error.at(place) if place else error) from error
 
     def values(self, cls: type[Any], table: Any, name: str) -> dict[str, Any]:
-        """What section `name` says, by the fields of `cls`."""
+        """Return what section `name` says, by the fields of `cls`."""
         fields = {field.name: (field, hint) for field, hint in _fields(cls) if not is_rest(hint)}
         if not isinstance(table, Mapping):
             expected = f"a table of {', '.join(fields)}" if name.endswith("]") else f"a section [{name}]"
@@ -106,7 +106,7 @@ class _Reader:
         return found if rest is None else found | {rest: others}
 
     def value(self, value: Any, field: "dataclasses.Field[Any]", hint: Any, name: str) -> Any:
-        """One entry as its field declares it."""
+        """Return one entry as its field declares it."""
         section = section_in(hint)
         if section is None:
             return declared(field, hint).read(value, self.place(name))
@@ -132,18 +132,18 @@ def _fields(cls: type[Any]) -> "list[tuple[dataclasses.Field[Any], Any]]":
 
 
 def types_in(hint: Any) -> tuple[Any, ...]:
-    """The alternatives of a type hint but None, which no table can hold."""
+    """Return the alternatives of a type hint but None, which no table can hold."""
     either = typing.get_args(hint) if isinstance(hint, UnionType) else (hint,)
     return tuple(kind for kind in either if kind is not type(None))
 
 
 def is_rest(hint: Any) -> bool:
-    """Whether a field takes the keys that no other field has."""
+    """Return whether a field takes the keys that no other field has."""
     return typing.get_origin(hint) is Mapping
 
 
 def section_in(hint: Any) -> type[Any] | None:
-    """The dataclass that a hint asks for, alone or in a tuple; None where it asks for plain values."""
+    """Return the dataclass that a hint asks for, alone or in a tuple; None where it asks for plain values."""
     for kind in types_in(hint):
         inner = typing.get_args(kind)[0] if typing.get_origin(kind) is tuple else kind
         if isinstance(inner, type) and dataclasses.is_dataclass(inner):

@@ -36,7 +36,7 @@ LOOKUP = """static void {prefix}_lookup(const float *texels, int rows, int colum
 
 
 def c_source(program: Program, textures: Sequence[np.ndarray], prefix: str = "homofact") -> str:
-    """One file of C99: texels (rows, columns, C) as floats, the lookup, and `PREFIX_evaluate(wi, wo, f)`.
+    """Return one file of C99: texels (rows, columns, C) as floats, the lookup, and `PREFIX_evaluate(wi, wo, f)`.
 
     Layers stand one under another in the texels, and are what `PREFIX_evaluate(wi, wo, layer, f)` reads.
     """
@@ -57,7 +57,7 @@ def c_source(program: Program, textures: Sequence[np.ndarray], prefix: str = "ho
 
 
 def statement_lines(statements: Sequence[Let], prefix: str, program: Program | None = None) -> list[str]:
-    """The lines of a function's statements; fetches are those of `program`."""
+    """Return the lines of a function's statements; fetches are those of `program`."""
     layer = program is not None and program.layers > 0
     lines = []
     for statement in statements:
@@ -91,7 +91,7 @@ def statement_lines(statements: Sequence[Let], prefix: str, program: Program | N
 
 
 def render(expression: Expression, prefix: str = "homofact") -> str:
-    """The text of a scalar expression (or of a name, whatever its dimension)."""
+    """Return the text of a scalar expression (or of a name, whatever its dimension)."""
     kind, operands = expression.kind, expression.operands
     if kind == "constant":
         return f"{number(expression.values[0])}f"
@@ -112,7 +112,7 @@ def render(expression: Expression, prefix: str = "homofact") -> str:
 
 
 def texels_in_c(prefix: str, number_of: int, texels: np.ndarray) -> str:
-    """Texels (rows, columns, C) as the array PREFIX_texture_NUMBER."""
+    """Return texels (rows, columns, C) as the array PREFIX_texture_NUMBER."""
     rows, columns, channels = texels.shape
     flat = [f"{number(value)}f" for value in texels.reshape(-1)]
     lines = [", ".join(flat[k : k + 3 * 3]) for k in range(0, len(flat), 9)]
@@ -124,7 +124,7 @@ def texels_in_c(prefix: str, number_of: int, texels: np.ndarray) -> str:
 
 
 def tables_in_c(tables: Tables, prefix: str) -> str:
-    """The tables of the layers' constants, defined."""
+    """Return the tables of the layers' constants, defined."""
     texts = []
     for name, rows in tables:
         inner = ",\n    ".join(f"{{{', '.join(f'{number(value)}f' for value in row)}}}" for row in rows)

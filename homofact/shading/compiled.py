@@ -37,14 +37,14 @@ class Compiled:
     _texels: tuple[np.ndarray, ...]
 
     def evaluate(self, wi: "Tensor", wo: "Tensor") -> "Tensor":
-        """BRDF values (N, C) in sr⁻¹, without the cosine, 0 under the horizon; float32 values in wi's type."""
+        """Return BRDF values (N, C) in sr⁻¹, without the cosine, 0 under the horizon; float32 values in wi's type."""
         import torch
 
         values = self.evaluate_array(*(w.detach().cpu().to(torch.float32).numpy() for w in (wi, wo)))
         return torch.from_numpy(values).to(wi)
 
     def evaluate_array(self, wi: np.ndarray, wo: np.ndarray, out: np.ndarray | None = None) -> np.ndarray:
-        """The same of float32 arrays (N, 3), into `out` (N, C) float32, row by row in memory, where it is given.
+        """Return the same of float32 arrays (N, 3), into `out` (N, C) float32, row by row in memory, where it is given.
 
         Raises BadInput for other shapes or types.
         """
@@ -67,7 +67,7 @@ class Compiled:
 
 
 def compiled(fitted: "Fitted") -> Compiled:
-    """A fit ready for fast evaluation; the first evaluation compiles it, in seconds.
+    """Return a fit ready for fast evaluation; the first evaluation compiles it, in seconds.
 
     Raises BadInput for more than four channels.
     """
@@ -78,7 +78,7 @@ def compiled(fitted: "Fitted") -> Compiled:
 
 
 def compiled_program(program: Program, textures: Sequence[np.ndarray]) -> Compiled:
-    """A program with its decoded texels (rows, columns, C) float32 as a reflectance."""
+    """Return a program with its decoded texels (rows, columns, C) float32 as a reflectance."""
     source, constants = kernel_source(program)
     functions = {name: getattr(float_functions, name) for name in ("exp", "log", "asinh", "atan2")}
     calls = {

@@ -34,7 +34,7 @@ class EvaluationCost:
         return sum(self.operations.values())
 
     def record(self) -> dict[str, Any]:
-        """JSON-able."""
+        """Return the JSON form."""
         return {
             "operations": self.total,
             "scalar_operations": self.scalar,
@@ -45,13 +45,13 @@ class EvaluationCost:
 
 
 def cost_of(program: Program, nbytes: int) -> EvaluationCost:
-    """The counts of a program whose textures take `nbytes`."""
+    """Return the counts of a program whose textures take `nbytes`."""
     operations, scalar, fetches = operations_of(program.statements, program.result)
     return EvaluationCost(operations, scalar, fetches, nbytes)
 
 
 def operations_of(statements: Sequence[Let], result: Expression) -> tuple[dict[str, int], int, int]:
-    """(operations by name, on scalars, fetches) of statements and a result."""
+    """Return (operations by name, on scalars, fetches) of statements and a result."""
     expressions = [*(statement.expression for statement in statements), result]
     operations: Counter[str] = Counter()
     fetches = scalar = 0

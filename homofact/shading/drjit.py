@@ -116,7 +116,7 @@ class DrJitMixture:
         self._constants = mixture.constants()
 
     def direction(self, wo: Any, u: list[Any]) -> Any:
-        """ωi for the viewers `wo`, from three numbers that are uniform in [0, 1)."""
+        """Return ωi for the viewers `wo`, from three numbers that are uniform in [0, 1)."""
         values = {"wo": [wo.x, wo.y, wo.z], "u": u, **self._constants}
         return self._mi.Vector3f(*interpret(self._sample, values, _FUNCTIONS)["wi"])
 

@@ -43,13 +43,13 @@ class Encoded:
         return self.sampled.astype(np.float64) / LEVELS.get(self.storage, 1) * self.scale + self.bias
 
     def decoded(self) -> "Tensor":
-        """`values` as a tensor."""
+        """Return `values` as a tensor."""
         import torch
 
         return torch.from_numpy(self.values)
 
 
 def plain(texels: np.ndarray) -> Encoded:
-    """Texels (rows, columns, C) as float32, which a shader takes as they are."""
+    """Return texels (rows, columns, C) as float32, which a shader takes as they are."""
     channels = texels.shape[2]
     return Encoded("float32", texels.astype(np.float32), np.ones(channels), np.zeros(channels))

@@ -30,12 +30,12 @@ _STARTS = (0.0, 0.125, 0.5)
 
 
 def as_floats(texture: Tensor | np.ndarray) -> Encoded:
-    """The texture as float32, which a shader takes as it is."""
+    """Return the texture as float32, which a shader takes as it is."""
     return plain(as_array(texture))
 
 
 def encode_texture(texture: Texture, storage: str) -> Encoded:
-    """A fit's texture in a storage, as `encode`.
+    """Return a fit's texture in a storage, as `encode`.
 
     One that was fitted to whole numbers (`factor.quantize`) keeps its own scale and bias in that storage, and loses
     nothing.
@@ -46,7 +46,7 @@ def encode_texture(texture: Texture, storage: str) -> Encoded:
 def encode(
     texture: Tensor | np.ndarray, mask: Tensor | np.ndarray, storage: str, grid: QuantizationGrid | None = None
 ) -> Encoded:
-    """A texture (rows, columns, C) in a storage; texels outside the mask are clipped to the range inside.
+    """Return a texture (rows, columns, C) in a storage; texels outside the mask are clipped to the range inside.
 
     Raises BadInput for a storage that is none, and for bc6h where C is not 1 or 3 or a side no multiple of 4.
     """

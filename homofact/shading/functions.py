@@ -34,12 +34,12 @@ class Function:
 
 
 def sampling_functions(mixture: LobeMixture) -> tuple[Function, Function]:
-    """`PREFIX_sample(wo, u)`, a direction (3,), and `PREFIX_density(wi, wo)`, in sr⁻¹."""
+    """Return `PREFIX_sample(wo, u)`, a direction (3,), and `PREFIX_density(wi, wo)`, in sr⁻¹."""
     return _sampling((mixture,), mixture.constants(), ())
 
 
 def sampling_of_layers(mixtures: Sequence[LobeMixture]) -> tuple[Function, Function]:
-    """`PREFIX_sample(wo, u, layer)` and `PREFIX_density(wi, wo, layer)`: layer k has the mixture number k.
+    """Return `PREFIX_sample(wo, u, layer)` and `PREFIX_density(wi, wo, layer)`: layer k has the mixture number k.
 
     The mixtures have the same coordinates (`mixture_fit.fitted_mixtures`).
     """
@@ -86,7 +86,7 @@ def _tables_of(functions: Sequence[Function]) -> Tables:
 
 
 def functions_text(functions: Sequence[Function], language: Language, prefix: str = "homofact") -> str:
-    """The functions' text, to stand behind that of a shader."""
+    """Return the functions' text, to stand behind that of a shader."""
     tables = tables_text(_tables_of(functions), language, prefix)
     texts = [f"\n{tables}"] if tables else []
     for function in functions:
@@ -101,7 +101,7 @@ def functions_text(functions: Sequence[Function], language: Language, prefix: st
 
 
 def functions_in_c(functions: Sequence[Function], prefix: str = "homofact") -> str:
-    """The functions in C99: a number is returned, a vector written to the last argument."""
+    """Return the functions in C99: a number is returned, a vector written to the last argument."""
     tables = tables_in_c(_tables_of(functions), prefix).rstrip("\n")
     texts = [f"\n{tables}\n"] if tables else []
     for function in functions:

@@ -31,7 +31,7 @@ OWN = (
 
 
 def texel_width(channels: int) -> int:
-    """Numbers that a texel of so many channels takes: a vector's size."""
+    """Return numbers that a texel of so many channels takes: a vector's size."""
     return 1 << (channels - 1).bit_length()
 
 
@@ -50,7 +50,7 @@ class _Source:
         return len(self.program.channels)
 
     def row(self, name: str) -> int:
-        """Where a name's row begins: a multiple of BLOCK, so that the compiler sees that rows do not overlap."""
+        """Return where a name's row begins: a multiple of BLOCK, so that the compiler sees that rows do not overlap."""
         return self.rows.setdefault(name, len(self.rows)) * BLOCK
 
     def loop(self, lines: Sequence[str], pairs: str = f"{BLOCK}") -> None:
@@ -73,7 +73,7 @@ class _Source:
         self.loop([f"{row} = {one}" for row in rows], f"count, {BLOCK}")
 
     def constant(self, value: float) -> str:
-        """The name of a constant: a global of float32, since a literal would be of float64."""
+        """Return the name of a constant: a global of float32, since a literal would be of float64."""
         for name, known in self.constants.items():
             if known == np.float32(value):
                 return name
@@ -82,7 +82,7 @@ class _Source:
         return name
 
     def text(self, scalar: Expression) -> str:
-        """A scalar expression as Python."""
+        """Return a scalar expression as Python."""
         kind, operands = scalar.kind, scalar.operands
         if kind == "constant":
             return self.constant(scalar.values[0])
@@ -101,7 +101,7 @@ class _Source:
 
 
 def kernel_source(program: Program) -> tuple[str, dict[str, np.float32]]:
-    """(source of `kernel(wi, wo, values, *textures)`, its constants by name).
+    """Return (source of `kernel(wi, wo, values, *textures)`, its constants by name).
 
     Arrays are flat: directions and values of all pairs one after the other, textures with `texel_width` numbers per
     texel. Raises BadInput if two names of the program would be equal in the kernel.

@@ -46,10 +46,10 @@ int {prefix}_layer(const unsigned char *labels, int rows, int columns, const flo
 
 
 def label_lookup(language: Language, textures: int) -> str:
-    """`PREFIX_layer(uv)` and the declaration of the texture of labels, behind a shader of so many textures."""
+    """Return `PREFIX_layer(uv)` and the declaration of the texture of labels, behind a shader of so many textures."""
     return "\n" + _LOOKUPS[language.name].format(prefix="homofact", next=textures, after=textures + 1)
 
 
 def label_lookup_in_c() -> str:
-    """`PREFIX_layer(labels, rows, columns, uv)` behind the C code of a shader."""
+    """Return `PREFIX_layer(labels, rows, columns, uv)` behind the C code of a shader."""
     return _C.format(prefix="homofact")

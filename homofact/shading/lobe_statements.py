@@ -25,7 +25,7 @@ _TINY, _MOST = 1e-20, 1e30
 
 
 def row_names() -> tuple[str, ...]:
-    """The names of the table's rows, in the order of `LobeMixture.rows`."""
+    """Return the names of the table's rows, in the order of `LobeMixture.rows`."""
     lobe = [f"g_{i}_{j}_{part}" for i in range(THETAS) for j in range(PHIS) for part in range(_PARTS)]
     return (*lobe, *(f"m_{i}_{part}" for i in range(THETAS) for part in range(2)))
 

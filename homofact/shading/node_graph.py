@@ -40,7 +40,7 @@ class NodeGraph:
 
 
 def node_graph(program: Program) -> NodeGraph:
-    """The graph of a program for one material with one or three channels."""
+    """Return the graph of a program for one material with one or three channels."""
     assert program.layers == 0, "layers: a graph has no arrays of textures"
     builder = _Builder({"wi": _Value(3, whole="wi"), "wo": _Value(3, whole="wo")})
     for statement in program.statements:
@@ -67,7 +67,7 @@ class _Builder:
         self._made: dict[Node, str] = {}
 
     def node(self, *node: Any) -> str:
-        """The reference of a node, made where there is none like it."""
+        """Return the reference of a node, made where there is none like it."""
         if node not in self._made:
             self._made[node] = f"n{len(self.nodes)}"
             self.nodes.append(node)
@@ -81,7 +81,7 @@ class _Builder:
         return value.parts[k if value.dimension > 1 else 0]
 
     def whole(self, value: _Value) -> Reference:
-        """A vector of three (or a number) as one reference."""
+        """Return a vector of three (or a number) as one reference."""
         if value.dimension == 1:
             return self.part(value, 0)
         if value.whole is None:
@@ -92,7 +92,7 @@ class _Builder:
         return value.whole  # type: ignore[return-value]
 
     def value(self, expression: Expression) -> _Value:
-        """What the expression becomes, its nodes made."""
+        """Return what the expression becomes, its nodes made."""
         kind, operands, dimension = expression.kind, expression.operands, expression.dimension
         if kind == "constant":
             return _Value(dimension, parts=tuple(_single(value) for value in expression.values))

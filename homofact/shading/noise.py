@@ -33,12 +33,12 @@ class Noise:
     cosine: float
 
     def record(self) -> dict[str, float]:
-        """JSON-able."""
+        """Return the JSON form."""
         return asdict(self)
 
 
 def noise_of(reflectance: Reflectance, density: Density, wo: Tensor) -> tuple[float, float]:
-    """(relative variance, ∫ p) for one viewer (3,); 0 variance where nothing is reflected.
+    """Return (relative variance, ∫ p) for one viewer (3,); 0 variance where nothing is reflected.
 
     ∫ (f cosθ)²/p over (∫ f cosθ)², less 1, on the nodes of `geometry.quadrature`; p is sr⁻¹ of pairs (N, 3).
     """
@@ -61,7 +61,7 @@ def albedo_of(reflectance: Reflectance, wo: Tensor) -> float:
 
 
 def viewer_at(angle: float) -> Tensor:
-    """The viewer (3,) at `angle` degrees and `_AZIMUTH`."""
+    """Return the viewer (3,) at `angle` degrees and `_AZIMUTH`."""
     theta, phi = torch.tensor([math.radians(angle), _AZIMUTH], dtype=torch.float64)
     return from_spherical(theta, phi)
 
@@ -72,7 +72,7 @@ def cosine_density(wi: Tensor, wo: Tensor) -> Tensor:
 
 
 def noise_at_angles(reflectance: Reflectance, mixture: LobeMixture) -> tuple[Noise, ...]:
-    """The noise of a mixture for viewers at `ANGLES`."""
+    """Return the noise of a mixture for viewers at `ANGLES`."""
     noises = []
     for angle in ANGLES:
         wo = viewer_at(angle)

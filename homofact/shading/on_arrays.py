@@ -35,7 +35,7 @@ class OnArrays(ABC):
     channels: tuple[str, ...]
 
     def evaluate(self, wi: np.ndarray, wo: np.ndarray) -> np.ndarray:
-        """BRDF values (N, C) in sr⁻¹, ≥ 0, without the cosine; 0 where a direction is under the horizon.
+        """Return BRDF values (N, C) in sr⁻¹, ≥ 0, without the cosine; 0 where a direction is under the horizon.
 
         `wi` and `wo` are unit vectors (N, 3) of one floating type, float32 or float64, which is that of the answer.
         From `MANY` pairs of float32 on textures are read by compiled code, with less memory.
@@ -75,7 +75,7 @@ class TexturesOnArrays(OnArrays):
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
     def compiled(self) -> "tuple[Compiled, ...]":
-        """The compiled reflectances, of four channels each, that `evaluate` uses from `MANY` pairs on.
+        """Return the compiled reflectances, of four channels each, that `evaluate` uses from `MANY` pairs on.
 
         Each takes float32 arrays (N, 3) above the horizon (`evaluate_array`); the first one compiles, in seconds.
         """

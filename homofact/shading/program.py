@@ -66,7 +66,7 @@ class Program:
 def program_of(
     fitted: Evaluated, textures: Sequence[Encoded], cut: bool = False, layers: Sequence[LogTransform] = ()
 ) -> Program:
-    """The program that reads `textures`, those of the fit, stored as they are.
+    """Return the program that reads `textures`, those of the fit, stored as they are.
 
     `cut` says to cut runaway logarithms whatever the texels, for a program that outlives them. With `layers`, the
     transforms of several materials, each of `textures` holds their texels one under another, and `fitted` is any of
@@ -306,7 +306,7 @@ def _title(fitted: Evaluated, layers: int) -> tuple[str, ...]:
 
 
 def name_of(provenance: Mapping[str, Any]) -> str:
-    """What a fit was made from, as its provenance tells: a material's or a file's name, else "samples".
+    """Return what a fit was made from, as its provenance tells: a material's or a file's name, else "samples".
 
     On one line and `harmless`: every text that names the fit can be written as UTF-8 and as XML.
     """

@@ -21,7 +21,7 @@ _FAST = ("fast",)
 
 @cache
 def bilinear(channels: int) -> Any:
-    """`bilinear(texels, at, right, above, u, v, out, place)`: the value between four texels, into out[place …].
+    """Return `bilinear(texels, at, right, above, u, v, out, place)`: the value between four texels, into out[place …].
 
     A texel is `channels` float32 side by side (1, 2 or 4); the first begins at `at`, the others `right` and `above`
     numbers further; u and v in [0, 1] are the shares of the right and of the upper ones. Nothing is checked.
@@ -74,7 +74,7 @@ def apart(stride: int, kept: int) -> Any:
 
 @cache
 def together(stride: int) -> Any:
-    """`together(source, place, step, out, begin)`: the way back of `apart`, `stride` numbers a group."""
+    """Return `together(source, place, step, out, begin)`: the way back of `apart`, `stride` numbers a group."""
 
     @intrinsic
     def function(_, source, place, step, out, begin):

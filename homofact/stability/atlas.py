@@ -52,11 +52,11 @@ class Plan:
         return (SHORT_SETTINGS if self.short else BASE_SETTINGS) | {"seed": self.seed}
 
     def strengths(self, of: Stressor) -> tuple[float, ...]:
-        """The strengths of a stressor that are run."""
+        """Return the strengths of a stressor that are run."""
         return (of.strengths[0], of.strengths[-1]) if self.short and len(of.strengths) > 1 else of.strengths
 
     def places(self) -> list[tuple[Stressor, float, str]]:
-        """(stressor, strength, method) of every cell, in the order of the atlas."""
+        """Return (stressor, strength, method) of every cell, in the order of the atlas."""
         return [
             (stress, strength, name)
             for stress in map(stressor, self.stressors)
@@ -66,7 +66,7 @@ class Plan:
 
 
 def estimate_atlas(plan: Plan) -> TimeEstimate:
-    """How long the cells of a plan take; the unstressed fits and the linear solves are few beside them."""
+    """Return how long the cells of a plan take; the unstressed fits and the linear solves are few beside them."""
     samples = plan.scale.samples
     fits = {
         name: METHODS[name](
@@ -87,12 +87,12 @@ class Atlas:
     notes: tuple[str, ...]
 
     def counts(self) -> dict[str, int]:
-        """How many cells there are of every outcome."""
+        """Return how many cells there are of every outcome."""
         counted = Counter(cell.outcome for cell in self.cells)
         return {outcome.value: counted[outcome] for outcome in CellOutcome}
 
     def of(self, stressor: str, method: str) -> list[Cell]:
-        """The cells of a stressor and a method, mildest first."""
+        """Return the cells of a stressor and a method, mildest first."""
         return [cell for cell in self.cells if (cell.stressor, cell.method) == (stressor, method)]
 
 

@@ -115,12 +115,12 @@ Fitter = Callable[[Source, Method], ComparisonRow]
 
 
 def fit_row(source: Source, settings: Method) -> ComparisonRow:
-    """The fit and its verdict, as every command makes them."""
+    """Return the fit and its verdict, as every command makes them."""
     return fit_and_measure(source, settings, HELD_OUT)
 
 
 def said_of(row: ComparisonRow) -> dict[str, str]:
-    """What a fit says of itself, a line by the name of each: its verdict's warning, and a status that is one.
+    """Return what a fit says of itself, a line by the name of each: its verdict's warning, and a status that is one.
 
     A spent effort is none: every search of a small one ends so.
     """
@@ -140,7 +140,7 @@ def classify(factor: float, said: int, new: int) -> CellOutcome:
 
 
 def method_for(name: str, problem: Problem, base: Mapping[str, Any]) -> Method | None:
-    """The method with what it has of `base`, and the first of the problem's alternatives that it has wholly.
+    """Return the method with what it has of `base`, and the first of the problem's alternatives that it has wholly.
 
     None where it has none of them.
     """
@@ -236,11 +236,11 @@ class References:
         self._fitted: dict[tuple[str, str], CellErrors] = {}
 
     def common(self, name: str, fitter: Fitter = fit_row) -> CellErrors:
-        """The fit of the common unstressed problem by the method `name`."""
+        """Return the fit of the common unstressed problem by the method `name`."""
         return self.of(name, self._common, fitter)
 
     def of(self, name: str, problem: Problem, fitter: Fitter) -> CellErrors:
-        """The unstressed fit that a problem's is set against, by the method `name`.
+        """Return the unstressed fit that a problem's is set against, by the method `name`.
 
         A method that does not use the reference's own settings is given the others.
         """

@@ -44,7 +44,7 @@ def write_document(
 
 
 def document(atlas: Atlas, solvers: list[SolverCell], link: str, where: str) -> str:
-    """The whole document in Markdown, pictures linked from the folder `link`."""
+    """Return the whole document in Markdown, pictures linked from the folder `link`."""
     sections = (_section(atlas, stressor(name)) for name in atlas.plan.stressors)
     return "\n\n".join([_head(atlas, link), *sections, _solvers(solvers, link), _measuring(atlas, where)]) + "\n"
 

@@ -51,12 +51,12 @@ class Fault:
 
 
 def generator_of(seed: int) -> torch.Generator:
-    """The generator of a fault's own chance."""
+    """Return the generator of a fault's own chance."""
     return torch.Generator().manual_seed(seed + 1000)
 
 
 def uniform(count: int, generator: torch.Generator) -> Tensor:
-    """(count,) numbers in [0, 1)."""
+    """Return (count,) numbers in [0, 1)."""
     return torch.rand(count, dtype=torch.float64, generator=generator)
 
 
@@ -66,12 +66,12 @@ def normal(like: Tensor, seed: int) -> Tensor:
 
 
 def struck(samples: Samples, share: float, seed: int) -> Tensor:
-    """Which samples (N, 1) a fault hits that hits a share of them by chance."""
+    """Return which samples (N, 1) a fault hits that hits a share of them by chance."""
     return (uniform(len(samples), generator_of(seed)) < share)[:, None]
 
 
 def joined(one: Samples, two: Samples) -> Samples:
-    """The samples of both, one after the other."""
+    """Return the samples of both, one after the other."""
     parts = {name: torch.cat((getattr(one, name), getattr(two, name))) for name in ("wi", "wo", "values", "weights")}
     return replace(one, **parts)
 

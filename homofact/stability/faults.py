@@ -18,7 +18,7 @@ _LEAST_COSINE = 0.02  # of directions that a fault has turned: what is lower is 
 
 
 def degrees(direction: Tensor) -> Tensor:
-    """θ in degrees."""
+    """Return θ in degrees."""
     return to_spherical(direction)[0] * (180 / math.pi)
 
 
@@ -93,7 +93,7 @@ def _azimuth(samples: Samples, strength: float, seed: int) -> Samples:
 
 
 def precision(samples: Samples, strength: float, seed: int) -> Samples:
-    """Directions and values kept to `strength` bits of mantissa (52: float64, 23: float32, 10: float16).
+    """Return directions and values kept to `strength` bits of mantissa (52: float64, 23: float32, 10: float16).
 
     The directions are normalised again, as a careful reader does.
     """

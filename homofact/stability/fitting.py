@@ -13,7 +13,7 @@ def smoothing(strength: float, seed: int, scale: Scale) -> Problem:
 
 
 def coincident(strength: float, seed: int, scale: Scale) -> Problem:
-    """`strength` textures under one and the same projection."""
+    """Return `strength` textures under one and the same projection."""
     count = int(strength)
     choices = (
         {"projections": ("theta_h-theta_d",) * count, "textures": count},

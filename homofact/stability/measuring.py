@@ -89,7 +89,7 @@ def _one_azimuth(strength: float, seed: int, scale: Scale) -> Problem:
 
 
 def anisotropy(strength: float, seed: int, scale: Scale) -> Problem:
-    """A brushed metal whose slopes have the ratio `strength`, said to be isotropic."""
+    """Return a brushed metal whose slopes have the ratio `strength`, said to be isotropic."""
 
     def of(ratio: float, key: str) -> Problem:
         root = math.sqrt(ratio)

@@ -30,7 +30,7 @@ _SHOWN = {CellOutcome.REFUSED: "R", CellOutcome.NONE: "–", CellOutcome.ABSENT:
 
 
 def short_number(value: float) -> str:
-    """A factor in at most four characters: 0.4, 2.3, 31, 1e5."""
+    """Return a factor in at most four characters: 0.4, 2.3, 31, 1e5."""
     if value < 0.095:
         return "<.1"
     if value < 9.95:

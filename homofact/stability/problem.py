@@ -54,15 +54,15 @@ class Problem:
     key: str = "base"
 
     def measuring(self, samples: Samples) -> "Problem":
-        """The same problem with other measured samples."""
+        """Return the same problem with other measured samples."""
         return replace(self, samples=samples, key="stressed")
 
     def both(self, change: Callable[[Samples], Samples]) -> "Problem":
-        """The same problem with measured and clean samples changed alike."""
+        """Return the same problem with measured and clean samples changed alike."""
         return replace(self.measuring(change(self.samples)), clean=change(self.clean))
 
     def with_values(self, values: Tensor) -> "Problem":
-        """The same problem with other measured values (N, C), negative ones cut as the readers do."""
+        """Return the same problem with other measured values (N, C), negative ones cut as the readers do."""
         return self.measuring(replace(self.samples, values=values.clamp_min(0)))
 
 
@@ -89,18 +89,18 @@ class Stressor:
     labels: tuple[str, ...] = field(default=())
 
     def label(self, strength: float) -> str:
-        """The strength in words."""
+        """Return the strength in words."""
         return self.labels[self.strengths.index(strength)] if self.labels else f"{strength:g}"
 
 
 @lru_cache(maxsize=16)
 def unstressed(seed: int, scale: Scale) -> Problem:
-    """The problem without any stress."""
+    """Return the problem without any stress."""
     return drawn_from(BASE, seed, scale)
 
 
 def drawn_from(model: Any, seed: int, scale: Scale, key: str = "base") -> Problem:
-    """A problem of measured and clean samples of one model, uniform in the parabolic discs."""
+    """Return a problem of measured and clean samples of one model, uniform in the parabolic discs."""
     return Problem(
         sample_model(model, scale.samples, seed=seed, radius_squared=RADIUS_SQUARED),
         sample_model(model, scale.clean, seed=seed + CLEAN_SEED, radius_squared=RADIUS_SQUARED),
@@ -109,7 +109,7 @@ def drawn_from(model: Any, seed: int, scale: Scale, key: str = "base") -> Proble
 
 
 def faulted(fault: Fault) -> Stress:
-    """The stress that plants a fault of the catalogue (`stability.faults`) on the unstressed problem."""
+    """Return the stress that plants a fault of the catalogue (`stability.faults`) on the unstressed problem."""
 
     def stress(strength: float, seed: int, scale: Scale) -> Problem:
         problem = unstressed(seed, scale)
@@ -119,14 +119,14 @@ def faulted(fault: Fault) -> Stress:
 
 
 def samples_at(reflectance: Reflectance, wi: Tensor, wo: Tensor) -> Samples:
-    """Samples of an isotropic reflectance at given pairs of directions."""
+    """Return samples of an isotropic reflectance at given pairs of directions."""
     return Samples(wi, wo, reflectance.evaluate(wi, wo), channels=reflectance.channels, isotropic=True)
 
 
 def pairs_about_half_vectors(
     count: int, generator: torch.Generator, theta_h: Callable[[Tensor], Tensor]
 ) -> tuple[Tensor, Tensor]:
-    """`count` pairs whose half vectors have θh = theta_h(u), u uniform in [0, 1); θd under 75°, all azimuths.
+    """Return `count` pairs whose half vectors have θh = theta_h(u), u uniform in [0, 1); θd under 75°, all azimuths.
 
     Pairs with a direction under the horizon are drawn again.
     """

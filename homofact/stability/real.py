@@ -20,7 +20,7 @@ class MissingMeasurement(Exception):
 
 
 def data_folder() -> Path:
-    """Where real measurements are looked for."""
+    """Return where real measurements are looked for."""
     return Path(os.environ.get("HOMOFACT_DATA", Path("..") / "shared" / "data"))
 
 
@@ -43,7 +43,7 @@ def measured(name: str, channels: str, seed: int, scale: Scale) -> Problem:
 
 
 def retroreflector(strength: float, seed: int, scale: Scale) -> Problem:
-    """The tape's values to the power `strength`: 1 as measured."""
+    """Return the tape's values to the power `strength`: 1 as measured."""
     problem = measured("retro/retro-3M-jaune.dat", "rgb", seed, scale)
     return problem.both(lambda samples: replace(samples, values=samples.values**strength))
 

@@ -130,7 +130,7 @@ SYSTEMS = (
 
 
 def minimum_norm(problem: LeastSquares) -> tuple[torch.Tensor, float, int]:
-    """(texels (T, C), condition number of the normal matrix, rank) of the system of `LeastSquares.rows`."""
+    """Return (texels (T, C), condition number of the normal matrix, rank) of the system of `LeastSquares.rows`."""
     rows, targets = problem.rows()
     dense = np.asarray(rows.todense())
     left, sizes, right = scipy.linalg.svd(dense, full_matrices=False)
@@ -146,7 +146,7 @@ def minimum_norm(problem: LeastSquares) -> tuple[torch.Tensor, float, int]:
 
 
 def classify_answer(difference: float, well_posed: bool, status: Status) -> SolverOutcome:
-    """What an answer is, from its difference to the minimum-norm one and the status that came with it."""
+    """Return what an answer is, from its difference to the minimum-norm one and the status that came with it."""
     if difference <= (AGREES if well_posed else AGREES_ILL):
         return SolverOutcome.AGREES
     return SolverOutcome.SAYS_SO if status in (Status.FALLBACK, Status.BUDGET) else SolverOutcome.SILENT
@@ -155,7 +155,7 @@ def classify_answer(difference: float, well_posed: bool, status: Status) -> Solv
 def run_solvers(
     seed: int = 0, short: bool = False, started: Callable[[int, int, str], None] | None = None
 ) -> list[SolverCell]:
-    """Every solver on every system (`short`: on every third)."""
+    """Return every solver on every system (`short`: on every third)."""
     systems = SYSTEMS[::3] if short else SYSTEMS
     cells = []
     for done, system in enumerate(systems):

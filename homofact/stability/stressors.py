@@ -10,7 +10,7 @@ STRESSORS: dict[str, Stressor] = {
 
 
 def stressor(name: str) -> Stressor:
-    """The stressor called `name`. Raises BadInput that lists the names."""
+    """Return the stressor called `name`. Raises BadInput that lists the names."""
     if name not in STRESSORS:
         raise BadInput(where="stressors", found=repr(name), expected=f"some of {', '.join(STRESSORS)}")
     return STRESSORS[name]

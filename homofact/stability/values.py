@@ -12,7 +12,7 @@ from homofact.stability.problem import Problem, Scale, Stress, Stressor, faulted
 
 
 def epsilon(strength: float, seed: int, scale: Scale) -> Problem:
-    """ε of the log transform, where one sample in fifty is exactly zero."""
+    """Return ε of the log transform, where one sample in fifty is exactly zero."""
     return replace(faulted(FAULTS["zeros"])(0.02, seed, scale), settings=({"epsilon": strength},))
 
 
@@ -57,7 +57,7 @@ def _non_reciprocal(strength: float, seed: int, scale: Scale) -> Problem:
 
 
 def retroreflection(strength: float, seed: int, scale: Scale) -> Problem:
-    """A lobe back towards the light, `strength` times as bright as the ground, measured and clean."""
+    """Return a lobe back towards the light, `strength` times as bright as the ground, measured and clean."""
     problem = unstressed(seed, scale)
 
     def lit(samples: Samples) -> Samples:

@@ -82,7 +82,10 @@ def write_basis(folder: Path, fit: SharedBasis) -> dict[str, Any]:
 
 
 def read_basis(folder: Path) -> dict[str, Factorization]:
-    """Every material by name, its textures made again. Raises BadInput for a folder that is none or was damaged."""
+    """Return every material by name, its textures made again.
+
+    Raises BadInput for a folder that is none or was damaged.
+    """
     fields = Fields.read(folder / REPORT, "a basis")
     fields.text("format", (FORMAT,))
     fields.version("format_version", FORMAT_VERSION)

@@ -13,7 +13,7 @@ _EXPECTED = "a label map: a grey PNG of 8 or 16 bits, or whole numbers in .npy"
 
 
 def read_labels(path: Path, clusters: int) -> np.ndarray:
-    """The labels (rows, columns) uint8 of a .png or .npy file, whole numbers from 0 to `clusters` − 1.
+    """Return the labels (rows, columns) uint8 of a .png or .npy file, whole numbers from 0 to `clusters` − 1.
 
     Raises BadInput, naming the file, where it is missing or no label map, for a label that no cluster has, for a
     cluster that no texel has, and for more clusters than a texture array has layers.

@@ -81,7 +81,7 @@ class SweepLedger:
         return self._header().text("name")
 
     def asked(self) -> list[Task]:
-        """The tasks that were last asked for. Raises BadInput where the folder is no sweep's, or was changed."""
+        """Return the tasks that were last asked for. Raises BadInput where the folder is no sweep's, or was changed."""
         fields = self._header()
         records = fields.found.get("tasks")
         if not isinstance(records, list) or not all(isinstance(record, dict) for record in records):
@@ -92,15 +92,15 @@ class SweepLedger:
             raise error.at(self.folder / SWEEP) from error
 
     def place(self, task: Task) -> Path:
-        """Where its result is, or will be."""
+        """Return where its result is, or will be."""
         return self.folder / RESULTS / task.key
 
     def is_done(self, task: Task) -> bool:
-        """Whether its result is there."""
+        """Return whether its result is there."""
         return (self.place(task) / FACTORIZATION).is_file()
 
     def result(self, task: Task) -> Result:
-        """A task's result. Raises BadInput where it was changed, or is of another task."""
+        """Return a task's result. Raises BadInput where it was changed, or is of another task."""
         place = self.place(task)
         fields = Fields.read(place / REPORT, "a sweep's result")
         try:
@@ -116,7 +116,7 @@ class SweepLedger:
         return Result(task, place, fields.found)
 
     def results(self) -> Iterator[Result]:
-        """The results of the tasks that were last asked for, in their order. Raises BadInput as `result`."""
+        """Yield the results of the tasks that were last asked for, in their order. Raises BadInput as `result`."""
         for task in self.asked():
             if self.is_done(task):
                 yield self.result(task)
@@ -165,5 +165,5 @@ def result_digest(report: Mapping[str, Any], fit: Path) -> str:
 
 
 def sealed(report: Mapping[str, Any], fit: Path) -> dict[str, Any]:
-    """The report with its "sha256", as `SweepLedger.result` reads it."""
+    """Return the report with its "sha256", as `SweepLedger.result` reads it."""
     return {**report, "sha256": result_digest(report, fit)}

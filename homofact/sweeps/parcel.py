@@ -8,7 +8,7 @@ _SAME_TIME = (1980, 1, 1, 0, 0, 0)
 
 
 def packed(place: Path) -> bytes:
-    """A file, or a folder with all that is in it, under its own name. Raises OSError where it cannot be read."""
+    """Return a file, or a folder with all that is in it, under its own name. Raises OSError where it cannot be read."""
     stream = io.BytesIO()
     files = sorted(path for path in place.rglob("*") if path.is_file()) if place.is_dir() else [place]
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:

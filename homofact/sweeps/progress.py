@@ -19,7 +19,7 @@ class SweepProgress:
         self.done, self.total = 0, 0
 
     def begin(self, state: State) -> str:
-        """The line that a sweep begins with."""
+        """Return the line that a sweep begins with."""
         self._begun, self._left = time.monotonic(), state.left
         self.done, self.total = state.done, len(state.tasks)
         before = f", {state.before} done before" if state.before else ""

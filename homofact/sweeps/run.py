@@ -53,7 +53,7 @@ def sweep(asked: AskedSweep, folder: Path, engine: WorkerEngine, notify: Notify,
 def sweep_tasks(
     name: str, tasks: list[Task], folder: Path, engine: WorkerEngine, notify: Notify, retry: bool = False
 ) -> State:
-    """The same of tasks as they stand, as the sweep `name`."""
+    """Return the same of tasks as they stand, as the sweep `name`."""
     # Two files of the same bytes are one source.
     tasks = list(each_once(tasks, lambda task: task.key).values())
     ledger = SweepLedger(folder)

@@ -63,7 +63,7 @@ class BasisRow:
     material_bytes: int
 
     def bytes_among(self, materials: int) -> float:
-        """Bytes a material with the basis shared by so many."""
+        """Return the bytes per material if so many share the basis."""
         return self.material_bytes + self.basis_bytes / materials
 
     def pays_from(self, own: float) -> int | None:
@@ -90,7 +90,7 @@ class SharedBasis:
         )
 
     def own_bytes(self, error: float) -> tuple[float, bool]:
-        """(bytes that textures of their own take for this median error, whether they take less than that).
+        """Return (bytes that textures of their own take for this median error, whether they take less than that).
 
         The largest size's where none is as good; the smallest's, as a bound, where all are better.
         """
@@ -104,7 +104,7 @@ class SharedBasis:
         return ladder[-1][0], True
 
     def record(self) -> dict[str, Any]:
-        """JSON-able."""
+        """Return the JSON form."""
         count = len(self.materials)
         rows = []
         for row in self.rows:
@@ -134,12 +134,12 @@ class SharedBasis:
         return Layered(tuple(with_texels(one, texels) for texels in (self.basis.mean, *self.basis.directions)))
 
     def coefficients(self) -> Tensor:
-        """Every material's coefficients (M, C, N) in the basis of all, solved on its training samples."""
+        """Return every material's coefficients (M, C, N) in the basis of all, solved on its training samples."""
         return torch.stack([coefficients_of(self.basis, material.train) for material in self.materials])
 
 
 def with_texels(fit: Factorization, texels: Tensor) -> Factorization:
-    """The fit with other texels (T, C), all of them inside the mask."""
+    """Return the fit with other texels (T, C), all of them inside the mask."""
     layout = layout_of(tuple(term.projection for term in fit.terms), tuple(term.size for term in fit.terms))
     parts = zip(fit.terms, layout.split(texels), strict=True)
     terms = (Term(term.projection, as_array(own), np.ones(term.size, bool)) for term, own in parts)
@@ -147,7 +147,7 @@ def with_texels(fit: Factorization, texels: Tensor) -> Factorization:
 
 
 def expanded(basis: Layered, coefficients: Tensor, transform: LogTransform, channels: tuple[str, ...]) -> Factorization:
-    """A material's textures again, from the layers of `SharedBasis.layered` and its coefficients (C, N)."""
+    """Return a material's textures again, from the layers of `SharedBasis.layered` and its coefficients (C, N)."""
     mean, *directions = basis.layers
     terms = []
     for j, term in enumerate(mean.terms):
@@ -158,12 +158,12 @@ def expanded(basis: Layered, coefficients: Tensor, transform: LogTransform, chan
 
 
 def coefficients_of(basis: LogBasis, equations: NormalEquations) -> Tensor:
-    """The coefficients (C, N) that meet the samples of accumulated equations best, channel by channel."""
+    """Return the coefficients (C, N) that meet the samples of accumulated equations best, channel by channel."""
     return torch.stack([basis.solved(of_channel(equations, c)) for c in range(equations.rhs.shape[1])])
 
 
 def judged(basis: LogBasis, material: BasisMaterial) -> float:
-    """The held-out log error of a material, its coefficients solved on its training samples."""
+    """Return the held-out log error of a material, its coefficients solved on its training samples."""
     chosen = coefficients_of(basis, material.train)
     return material.held_out.error(torch.cat([basis.texels(own) for own in chosen], 1))
 

@@ -39,7 +39,7 @@ def rows_of(folder: Path) -> list[FitRow]:
 
 
 def row_of(result: Result) -> FitRow:
-    """The figures of one result."""
+    """Return the figures of one result."""
     task, report = result.task, result.report
     seen = report.get("appearance") or {}
     metrics = {metric.name: report["error"]["held_out"].get(metric.name, seen.get(metric.name)) for metric in REPORTED}
@@ -60,7 +60,7 @@ def row_of(result: Result) -> FitRow:
 
 
 def by_label(rows: Iterable[FitRow]) -> dict[str, list[FitRow]]:
-    """The rows of each method, in the order of their first."""
+    """Return the rows of each method, in the order of their first."""
     grouped: dict[str, list[FitRow]] = {}
     for row in rows:
         grouped.setdefault(row.label, []).append(row)
@@ -68,7 +68,7 @@ def by_label(rows: Iterable[FitRow]) -> dict[str, list[FitRow]]:
 
 
 def middle(rows: Sequence[FitRow], name: str) -> float | None:
-    """The median of a metric over those rows that have it."""
+    """Return the median of a metric over those rows that have it."""
     values = [value for row in rows if (value := row.metrics[name]) is not None]
     return median(values) if values else None
 

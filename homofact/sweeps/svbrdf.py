@@ -60,7 +60,7 @@ class TexelCluster:
     alone_error: SixErrors
 
     def record(self) -> dict[str, Any]:
-        """JSON-able."""
+        """Return the JSON form."""
         sides = {"shared": (self.shared, self.shared_error), "alone": (self.alone, self.alone_error)}
         return {"source": self.name, "texels": self.texels} | {
             side: {
@@ -85,7 +85,7 @@ class SpatialFit:
     layers: Layered
 
     def record(self) -> dict[str, Any]:
-        """JSON-able: bytes (float32) and mean held-out log errors side by side, then cluster by cluster."""
+        """Return the JSON form: bytes (float32) and mean held-out log errors side by side, then cluster by cluster."""
         count = len(self.clusters)
         return plain(
             {

@@ -133,7 +133,7 @@ class AskedSweep:
 
 
 def with_bytes(method: "Method", count: int) -> "Method | None":
-    """The method with so many bytes of textures to spend, None for one that cannot be given any.
+    """Return the method with so many bytes of textures to spend, None for one that cannot be given any.
 
     Raises BadInput where they are too few.
     """
@@ -149,7 +149,7 @@ def with_bytes(method: "Method", count: int) -> "Method | None":
 
 
 def read_sweep(path: str | Path) -> AskedSweep:
-    """The sweep in a TOML file.
+    """Return the sweep in a TOML file.
 
     Raises BadInput for a file that cannot be read, unknown keys, wrong types and values, sources that are not there and
     patterns that match nothing, and a method or source named twice.
@@ -218,5 +218,5 @@ def _matching(words: str, folder: Path) -> list[str]:
 
 
 def settings_record(settings: SourceSettings) -> dict[str, Any]:
-    """How sources are opened, JSON-able."""
+    """Return how sources are opened, JSON-able."""
     return {key: value for key, value in asdict(settings).items() if key != "path"}

@@ -61,25 +61,25 @@ class Task:
         return f"{self.name}, {self.label}, seed {self.settings['seed']}"
 
     def is_here(self) -> bool:
-        """Whether this machine has the source, as it was."""
+        """Return whether this machine has the source, as it was."""
         named = self.source.startswith(MATERIAL_PREFIX)
         return named or (Path(split_member(self.source)[0]).exists() and source_digest(self.source) == self.digest)
 
     def fit_method(self) -> "Method":
-        """The method object. Raises BadInput for settings that are none of its own."""
+        """Return the method object. Raises BadInput for settings that are none of its own."""
         return ALL_METHODS[self.method](**self.settings)
 
     def source_settings(self) -> SourceSettings:
-        """How the source is opened."""
+        """Return how the source is opened."""
         return SourceSettings(**self.opening)
 
     def record(self) -> dict[str, Any]:
-        """JSON-able, and back by `task_of`."""
+        """Return the JSON form; `task_of` reads it."""
         return {**asdict(self), "opening": _plain(self.opening), "settings": _plain(self.settings)}
 
 
 def task_of(record: Mapping[str, Any]) -> Task:
-    """The task of a record, every entry checked. Raises BadInput where it is none."""
+    """Return the task of a record, every entry checked. Raises BadInput where it is none."""
     fields = Fields("task: ", dict(record))
     unknown = record.keys() - {each.name for each in dataclass_fields(Task)}
     if unknown:
@@ -105,7 +105,7 @@ def task_of(record: Mapping[str, Any]) -> Task:
 
 
 def tasks_of(asked: AskedSweep) -> list[Task]:
-    """All fits of a sweep, source by source. Raises BadInput for a source that cannot be read."""
+    """Return all fits of a sweep, source by source. Raises BadInput for a source that cannot be read."""
     opening = settings_record(asked.source)
     fits = [(label, method.name, _plain(asdict(method))) for label, method in asked.fits()]
     tasks = []

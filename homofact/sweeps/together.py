@@ -10,7 +10,7 @@ from homofact.sweeps.sweep_file import AskedSweep
 
 
 def one_search(asked: AskedSweep, what: str) -> Search:
-    """The sweep's only fit of a source, which is a search; `what` asks for it ("svbrdf").
+    """Return the sweep's only fit of a source, which is a search; `what` asks for it ("svbrdf").
 
     Raises BadInput for more than one method, size or seed, another method, and settings that shared fits do not have.
     """
@@ -32,7 +32,10 @@ def one_search(asked: AskedSweep, what: str) -> Search:
 def open_together(
     asked: AskedSweep, settings: Search, notify: Callable[[str], object] = lambda words: None
 ) -> tuple[Source, ...]:
-    """All sources, in their order; `notify` hears which is being opened. Raises BadInput where channels differ."""
+    """Return all sources, in their order; `notify` hears which is being opened.
+
+    Raises BadInput where channels differ.
+    """
     sources = []
     for words in asked.sources:
         notify(words)
@@ -48,7 +51,7 @@ def open_together(
 
 
 def with_epsilon(settings: Search, sources: Sequence[Source]) -> Search:
-    """One ε for all, where none is given: the largest that a source asks for, so that errors are comparable."""
+    """Return one ε for all, where none is given: the largest that a source asks for, so that errors are comparable."""
     if settings.epsilon is not None:
         return settings
     return replace(settings, epsilon=max(source.default_epsilon for source in sources))

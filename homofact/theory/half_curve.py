@@ -54,7 +54,7 @@ class HalfCurve:
 
 
 def half_angle_curve(reflectance: Reflectance, limit: float = math.radians(85)) -> HalfCurve:
-    """The mean over channels, θd and φd of a reflectance at each θh.
+    """Return the mean over channels, θd and φd of a reflectance at each θh.
 
     θd has `_DIFFERENCES` even values below `limit`, φd `_TURNS` in [0, π/2] on each side of both planes; pairs with a
     direction beyond `limit` (radians) from the normal are left out. For θh beyond it the last value is held.

@@ -22,7 +22,7 @@ from homofact.geometry.directions import from_cosine
 
 
 def orders(order: int) -> tuple[Tensor, Tensor]:
-    """(l, m) of each coefficient up to `order`, both ((order+1)²,) integers."""
+    """Return (l, m) of each coefficient up to `order`, both ((order+1)²,) integers."""
     _check_order(order)
     degree = torch.cat([torch.full((2 * k + 1,), k) for k in range(order + 1)])
     return degree, torch.cat([torch.arange(-k, k + 1) for k in range(order + 1)])
@@ -73,14 +73,14 @@ def zonal(order: int, cosine: Tensor) -> Tensor:
 
 @lru_cache(maxsize=64)
 def gauss_legendre(count: int, low: float, high: float) -> tuple[Tensor, Tensor]:
-    """(nodes, weights) of Gauss and Legendre on [low, high], both (count,) float64, nodes rising."""
+    """Return (nodes, weights) of Gauss and Legendre on [low, high], both (count,) float64, nodes rising."""
     nodes, weights = np.polynomial.legendre.leggauss(count)
     half = (high - low) / 2
     return torch.from_numpy(nodes) * half + (high + low) / 2, torch.from_numpy(weights) * half
 
 
 def quadrature(order: int, low: float = -1.0) -> tuple[Tensor, Tensor]:
-    """(directions (Q, 3), weights (Q,) in sr): Gauss-Legendre in cosθ on [low, 1], even in φ.
+    """Return (directions (Q, 3), weights (Q,) in sr): Gauss-Legendre in cosθ on [low, 1], even in φ.
 
     Exact for the product of two harmonics up to `order` on the whole sphere (low = −1): order+1 rings of 2·order+2.
     """
@@ -116,7 +116,7 @@ def energy_by_order(coefficients: Tensor) -> Tensor:
 
 
 def order_for_share(energies: Tensor, share: float) -> float:
-    """The order up to which `share` of the energy lies, between whole orders by linear interpolation.
+    """Return the order up to which `share` of the energy lies, between whole orders by linear interpolation.
 
     `energies` (order+1,) ≥ 0 by order. Orders without energy (every other one of an even function) are passed over.
     Raises BadInput for a share outside (0, 1) and for no energy.

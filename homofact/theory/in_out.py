@@ -101,7 +101,7 @@ class Decomposition:
         return 1 + (self.order > 0).long()
 
     def values(self, channel: int = 0) -> Tensor:
-        """Every singular value of a channel by itself, falling."""
+        """Return every singular value of a channel by itself, falling."""
         return self.sigma[channel].repeat_interleave(self.multiplicity[channel])
 
     def count(self, share: float, channel: int = 0) -> int:
@@ -109,14 +109,17 @@ class Decomposition:
         return count_for_share(self.values(channel), share)
 
     def truncated(self, terms: int) -> "InOutTerms":
-        """The first `terms` terms of every channel as a reflectance. Raises BadInput for terms < 1."""
+        """Return the first `terms` terms of every channel as a reflectance. Raises BadInput for terms < 1."""
         if terms < 1:
             raise BadInput(where="terms", found=terms, expected="at least 1")
         return InOutTerms(self, terms)
 
 
 def count_for_share(values: Tensor, share: float) -> int:
-    """The least K with Σ_{k≤K} σ_k² ≥ share Σ σ²; `values` falling. Raises BadInput for no energy, a bad share."""
+    """Return the least K with Σ_{k≤K} σ_k² ≥ share Σ σ²; `values` falling.
+
+    Raises BadInput for no energy, a bad share.
+    """
     check_share(share)
     energy = (values.double() ** 2).cumsum(0)
     if not float(energy[-1]) > 0:
@@ -240,13 +243,13 @@ class InOutTerms:
         return 2 * self.terms
 
     def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
-        """BRDF values (N, C) in sr⁻¹, ≥ 0, without the cosine; 0 where a direction is under the horizon."""
+        """Return BRDF values (N, C) in sr⁻¹, ≥ 0, without the cosine; 0 where a direction is under the horizon."""
         above = (wi[:, 2] >= 0) & (wo[:, 2] >= 0)
         return torch.where(above[:, None], self.signed(wi, wo), 0.0).clamp_min(0)
 
     @one_thread
     def signed(self, wi: Tensor, wo: Tensor) -> Tensor:
-        """The sums (N, C) as they are, on the whole of the grid's domain."""
+        """Return the sums (N, C) as they are, on the whole of the grid's domain."""
         parts = [self._rows(*pair) for pair in zip(wi.double().split(4096), wo.double().split(4096), strict=True)]
         return torch.cat(parts).to(wi)
 

@@ -69,7 +69,7 @@ class LightFieldFactors:
         return brdf_condition(torch.where(excited, self.lighting, torch.zeros_like(self.lighting)))
 
     def describe(self) -> str:
-        """One line: what was recovered, what was not, and both conditions."""
+        """Return one line: what was recovered, what was not, and both conditions."""
         shared = int((self.scales == 0).sum())
         apart = sorted(set(self.scales[self.scales > 0].tolist()))
         lost = (self.scales < 0).nonzero()[:, 0].tolist()
@@ -95,7 +95,7 @@ def factor_light_field(field: Tensor, noise: float = 0.0) -> LightFieldFactors:
 
 
 def factor_by_ratios(field: Tensor) -> tuple[Tensor, Tensor]:
-    """(L_lm, ρ̃_lpq) by the chapter's ratios (3.17, before the BRDF is put in), Λ_0 L_00 = 1.
+    """Return (L_lm, ρ̃_lpq) by the chapter's ratios (3.17, before the BRDF is put in), Λ_0 L_00 = 1.
 
     L_lm = B̃_lm00/(Λ_l B̃_00l0) and ρ̃_lpq = B̃_lmpq B̃_00l0/B̃_lm00 at the m where |B̃_lm00| is largest. NaN where a
     denominator is 0 to rounding. Raises BadInput as `factor_light_field`.
@@ -152,7 +152,7 @@ class _Problem:
 
     @classmethod
     def of(cls, field: Tensor, noise: float) -> "_Problem":
-        """The entries of checked coefficients."""
+        """Return the entries of checked coefficients."""
         values = _checked(field)
         if not 0 <= noise < math.inf:
             raise BadInput(where="noise", found=noise, expected="a finite number of 0 or more")
@@ -209,7 +209,7 @@ class _Problem:
         return torch.cat([t[band] * u[band] for band in range(count)]), scales
 
     def solved(self, x: Tensor, scales: Tensor) -> tuple[Tensor, Tensor]:
-        """(x of the excited orders, which rows are free): Gauss-Newton with ρ solved for at every step.
+        """Return (x of the excited orders, which rows are free): Gauss-Newton with ρ solved for at every step.
 
         In each group the largest x of its first order at the beginning is 1 and stays so.
         """

@@ -88,7 +88,7 @@ def lighting_condition(brdf_filter: Tensor, order: int | None = None) -> float:
 
 
 def brdf_condition(lighting: Tensor, order: int | None = None) -> float:
-    """How much estimating a BRDF's filter up to `order` magnifies noise: max / min over l of √(Σ_m L_lm²) Λ_l.
+    """Return how much estimating a BRDF's filter up to `order` magnifies noise: max / min over l of √(Σ_m L_lm²) Λ_l.
 
     1 for one directional source, infinite for uniform light above order 0.
     """

@@ -49,7 +49,10 @@ def transfer_coefficients(reflectance: Reflectance, order: int, nodes: int | Non
 
 
 def frames(normals: Tensor) -> Tensor:
-    """R = Rz(β) Ry(α), (N, 3, 3), of the normals (N, 3): columns x, y and z of each surface's frame in the world."""
+    """Return R = Rz(β)
+
+    Ry(α), (N, 3, 3), of the normals (N, 3): columns x, y and z of each surface's frame in the world.
+    """
     around = torch.hypot(normals[:, 0], normals[:, 1])
     beta = torch.atan2(normals[:, 1], normals[:, 0])
     cosine, sine, zero = torch.cos(beta), torch.sin(beta), torch.zeros_like(beta)
@@ -78,7 +81,7 @@ class SphereGrid:
 
     @classmethod
     def of(cls, normal_order: int, wo_order: int) -> "SphereGrid":
-        """The grid that is exact for products of harmonics up to these orders."""
+        """Return the grid that is exact for products of harmonics up to these orders."""
         return cls(*quadrature(normal_order), *quadrature(wo_order, 0.0))
 
     @cached_property

@@ -34,7 +34,7 @@ class SvdError:
     negative: float
 
     def record(self) -> dict[str, Any]:
-        """The JSON form."""
+        """Return the JSON form."""
         return asdict(self)
 
 
@@ -52,12 +52,12 @@ class TermCosts:
     matching: SvdError | None
 
     def record(self) -> dict[str, Any]:
-        """The JSON form."""
+        """Return the JSON form."""
         return asdict(self)
 
 
 def against_fit(source: Source, row: ComparisonRow, count: InOutCount, held_out: float) -> TermCosts:
-    """The fit of `row` beside the in-out terms of `count`.
+    """Return the fit of `row` beside the in-out terms of `count`.
 
     Every channel has its own terms, evaluated from the decomposition itself: no map's resolution adds to the error.
     They are of the source's reflectance, which for a measurement was interpolated from all of its samples, the

@@ -54,7 +54,7 @@ class InOutCount:
     singular_values: Tensor
 
     def record(self) -> dict[str, Any]:
-        """The JSON form, angles in degrees, without the singular values."""
+        """Return the JSON form, angles in degrees, without the singular values."""
         return {
             "share": self.share,
             "limit_degrees": math.degrees(self.limit),
@@ -68,7 +68,7 @@ class InOutCount:
 
 
 def predicted_terms(reflectance: Reflectance, share: float = 0.99, limit: float = LIMIT) -> InOutCount:
-    """The number of in-out terms predicted from the half-angle curve's l*, beside the number counted.
+    """Return the number of in-out terms predicted from the half-angle curve's l*, beside the number counted.
 
     Raises BadInput for a share outside (0, 1), a limit outside (0, 90°] and a reflectance without energy.
     """
@@ -95,7 +95,7 @@ def predicted_terms(reflectance: Reflectance, share: float = 0.99, limit: float 
 def settled_decomposition(
     reflectance: Reflectance, share: float, limit: float = LIMIT, symmetry: Symmetry | None = None
 ) -> tuple[Decomposition, bool]:
-    """(the decomposition of the channels' mean on a grid fine enough for `share`, whether it was reached).
+    """Return (the decomposition of the channels' mean on a grid fine enough for `share`, whether it was reached).
 
     Grids are refined until the count agrees with the one before within 3%; the finest is kept where none does.
     """

@@ -22,7 +22,7 @@ _PIECES = re.compile(r"\{\{(start|choice|exposure|help|end|scripts)(?: ([^{}]*))
 
 @cache
 def part(package: str, name: str) -> str:
-    """The text of a package's file, without the blank lines round it."""
+    """Return the text of a package's file, without the blank lines round it."""
     return files(package).joinpath(name).read_text(encoding="utf-8").strip()
 
 
@@ -38,7 +38,7 @@ def assembled(
     head: str | None = None,
     content: str = "",
 ) -> str:
-    """The page: head.html and the `body` that goes on from it, with {{title}}, {{data}} and the like filled in.
+    """Return the page: head.html and the `body` that goes on from it, with {{title}}, {{data}} and the like filled in.
 
     What pages have alike is put in first (`_pieced`). `policy` is what the page may load beside pictures in its data;
     `head` is another text than head.html; `content` is HTML that was made, in which no mark is looked for. The one

@@ -25,7 +25,10 @@ EIGHT_BITS = 255
 
 
 def fit_layer(fitted: Fitted, key: str, title: str, facts: Facts = ()) -> Layer:
-    """The layer of a fit; `facts` come before what it costs. Raises BadInput for channels that the page cannot show."""
+    """Return the layer of a fit; `facts` come before what it costs.
+
+    Raises BadInput for channels that the page cannot show.
+    """
     check_shown(fitted.channels)
     whole = (texture.grid is not None and texture.grid.levels == EIGHT_BITS for texture in fitted.textures)
     stored = ("unorm8" if each else "float32" for each in whole)

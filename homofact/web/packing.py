@@ -18,7 +18,7 @@ TYPES = ("float32", "float16", "uint8", "uint16", "int16", "uint32", "int32")
 
 
 def pack(array: np.ndarray) -> dict[str, Any]:
-    """JSON-able `array`, of one of TYPES: its type, its shape, and its bytes, the last axis fastest."""
+    """Return `array`, of one of TYPES, as JSON: its type, its shape, and its bytes, the last axis fastest."""
     if array.dtype.name not in TYPES:
         raise ValueError(f"an array of {array.dtype.name}, expected one of {', '.join(TYPES)}")
     plain = np.ascontiguousarray(array, array.dtype.newbyteorder("<"))
@@ -28,7 +28,7 @@ def pack(array: np.ndarray) -> dict[str, Any]:
 
 
 def differences(array: np.ndarray, axes: tuple[int, ...]) -> np.ndarray:
-    """Each element less the one before it along each of `axes`, the first as it is; integers wrap around."""
+    """Return each element less the one before it along each of `axes`, the first as it is; integers wrap around."""
     for axis in axes:
         first = np.take(array, [0], axis)
         array = np.concatenate((first, np.diff(array, axis=axis)), axis).astype(array.dtype)

@@ -130,7 +130,7 @@ def write_view(
 
 
 def shown_source(source: Reopened) -> "Layer":
-    """The layer of a source, which all pages of its fits may share. Raises BadInput as `source_layer`."""
+    """Return the layer of a source, which all pages of its fits may share. Raises BadInput as `source_layer`."""
     from homofact.web.viewer import source_layer
 
     own = source.source

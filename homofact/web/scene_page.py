@@ -54,5 +54,5 @@ def _shown(value: str | int | float) -> str:
 
 
 def percent(share: float) -> str:
-    """A share with three digits, however small."""
+    """Return a share with three digits, however small."""
     return f"{figure(100 * share)}%"

@@ -89,7 +89,7 @@ class SourceTable:
         return f"{theta_h} θh × {theta_d} θd × {phi_d} φd{more}"
 
     def differences(self) -> np.ndarray:
-        """(3, slices · θh, θd, φd) int16 for the page: green, red less green, blue less green.
+        """Return (3, slices · θh, θd, φd) int16 for the page: green, red less green, blue less green.
 
         Along φd and θd each node is less the one before it. One channel is three equal ones.
         """
@@ -102,7 +102,7 @@ class SourceTable:
         return torch.from_numpy(self.steps.astype(np.float64)) * STEP
 
     def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
-        """What the shader gives, in float64: (N, C) in sr⁻¹ without the cosine, 0 under the horizon."""
+        """Return what the shader gives, in float64: (N, C) in sr⁻¹ without the cosine, 0 under the horizon."""
         place = [self._values.shape[0] - 1, *(n - 1 for n in self._values.shape[1:4])]
         x = torch.stack(_place(wi, wo, self.symmetry, self.width), -1) * torch.tensor(place, dtype=torch.float64)
         low = torch.minimum(x.floor(), torch.tensor(place, dtype=torch.float64) - 1).clamp_min(0)
@@ -157,7 +157,7 @@ class SourceTable:
 
 
 def source_table(reflectance: Reflectance, *, pairs: int = 4096, seed: int = 0, budget: int = 150_000) -> SourceTable:
-    """The table of a reflectance of 1 or 3 channels.
+    """Return the table of a reflectance of 1 or 3 channels.
 
     `pairs` random pairs choose its warp and measure its error; it grows until it is within ENOUGH (median and 95th
     percentile) or its text in the page would be longer than `budget` bytes. Raises BadInput for other channels and for

@@ -110,7 +110,7 @@ def source_layer(reflectance: Reflectance, facts: Facts = (), seed: int = 0) -> 
 def viewer_html(
     layers: Sequence[Layer], *, title: str, subtitle: str = "", mesh: Mesh | None = None, notes: Sequence[str] = ()
 ) -> str:
-    """The page.
+    """Return the page.
 
     `layers` in the order of the pictures, one to three; `title` and `subtitle` head it; `mesh` is shown at first where
     given, else the sphere, and a torus knot can be; `notes` are lines of text beside the picture, before the page's own

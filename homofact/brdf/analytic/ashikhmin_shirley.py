@@ -43,7 +43,7 @@ class AshikhminShirley(AnalyticModel):
         return self.nu == self.nv
 
     def formula(self, wi: Tensor, wo: Tensor) -> Tensor:
-        """Both terms."""
+        """Return both terms."""
         h, cosine = half_vector(wi, wo)
         x_squared, y_squared = h[..., 0] ** 2, h[..., 1] ** 2
         sine_squared = x_squared + y_squared

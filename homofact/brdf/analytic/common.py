@@ -51,11 +51,11 @@ class AnalyticModel(ABC):
 
     @abstractmethod
     def formula(self, wi: "Tensor", wo: "Tensor") -> "Tensor":
-        """The model's values (N, C) in sr⁻¹ for directions on or above the horizon."""
+        """Return the model's values (N, C) in sr⁻¹ for directions on or above the horizon."""
 
     @answering_in_kind
     def evaluate(self, wi: "Tensor", wo: "Tensor") -> "Tensor":
-        """BRDF values (N, C) in sr⁻¹, linear, without the cosine; 0 where a direction is under the horizon.
+        """Return BRDF values (N, C) in sr⁻¹, linear, without the cosine; 0 where a direction is under the horizon.
 
         `wi`, `wo` are (N, 3) unit vectors in the surface frame. Finite and non-negative everywhere: where a
         model diverges as both directions graze, cosines below 1e-6 count as 1e-6.
@@ -65,7 +65,7 @@ class AnalyticModel(ABC):
         return namespace(wi).where(above[..., None], values, like(0.0, values))
 
     def colour(self, value: Colour, directions: "Tensor") -> "Tensor":
-        """A `Colour` as a tensor (C,) in the dtype and on the device of the directions."""
+        """Return a `Colour` as a tensor (C,) in the dtype and on the device of the directions."""
         return like(value, directions)
 
     def diffuse_term(self, value: Colour, directions: "Tensor") -> "Tensor":
@@ -102,7 +102,7 @@ def _count(value: Any) -> int:
 
 
 def half_vector(wi: "Tensor", wo: "Tensor") -> "tuple[Tensor, Tensor]":
-    """(h, cosθd): the unit half vector (..., 3) and cosθd = h·ωi = h·ωo = |ωi + ωo|/2 (...).
+    """Return (h, cosθd): the unit half vector (..., 3) and cosθd = h·ωi = h·ωo = |ωi + ωo|/2 (...).
 
     Back to back on the horizon h is undefined; the normal takes its place, with cosθd = 0.
     """
@@ -111,7 +111,7 @@ def half_vector(wi: "Tensor", wo: "Tensor") -> "tuple[Tensor, Tensor]":
 
 
 def grazing(cosine: "Tensor") -> "Tensor":
-    """A cosine fit to divide by: at least `MIN_COSINE`."""
+    """Return a cosine fit to divide by: at least `MIN_COSINE`."""
     return namespace(cosine).clip(cosine, MIN_COSINE, None)
 
 

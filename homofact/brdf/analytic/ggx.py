@@ -61,7 +61,7 @@ class GgxBrdf(AnalyticModel):
 
 
 def ggx_lobe(alpha: "Tensor", f0: "Tensor", wi: "Tensor", wo: "Tensor") -> "Tensor":
-    """F D G/(4 cosθi cosθo) (N,) in sr⁻¹, of scalars α and F0."""
+    """Return F D G/(4 cosθi cosθo) (N,) in sr⁻¹, of scalars α and F0."""
     h, cosine = half_vector(wi, wo)
     squared = alpha**2
     spread = h[..., 2] ** 2 * (squared - 1) + 1

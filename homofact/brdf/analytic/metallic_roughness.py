@@ -78,7 +78,7 @@ class MetallicRoughness(AnalyticModel):
         return tuple(self.specular * min(DIELECTRIC * each, 1.0) for each in colour)
 
     def formula(self, wi: Tensor, wo: Tensor) -> Tensor:
-        """The material under its coat."""
+        """Return the material under its coat."""
         numbers = [self.metallic, self.roughness, self.clearcoat, self.clearcoat_roughness]
         more = [self.anisotropy, self.rotation] if self.anisotropy else None
         along = None if more is None else self.colour(tuple(more), wi)

@@ -62,7 +62,7 @@ class SphericalGaussians(AnalyticModel):
 
 
 def gaussian(sharpness: "Tensor", f0: "Tensor", wi: "Tensor", wo: "Tensor") -> "Tensor":
-    """F G exp(λ (cosθh − 1))/(4 cosθi cosθo) (N,), of scalars λ and F0."""
+    """Return F G exp(λ (cosθh − 1))/(4 cosθi cosθo) (N,), of scalars λ and F0."""
     h, cosine = half_vector(wi, wo)
     ni, no = grazing(wi[..., 2]), grazing(wo[..., 2])
     # 1 − cosθh without cancellation: at a highlight it is all there is.

@@ -40,7 +40,7 @@ _HEAD = 65_536
 
 
 def open_file(path: str | os.PathLike[str], channels: str = "rgb", drawing: Drawing | None = None) -> Reading:
-    """What a file of any known format holds, as "rgb", "spectral" or "luminance"; FILE#NAME picks one of many.
+    """Return what a file of any known format holds, as "rgb", "spectral" or "luminance"; FILE#NAME picks one of many.
 
     `drawing` is how a file that is a model is sampled. Raises BadInput for a missing, unreadable or empty
     file, a folder, and content that no reader knows (saying what a table of text lacks, else listing the formats),
@@ -58,7 +58,10 @@ def open_file(path: str | os.PathLike[str], channels: str = "rgb", drawing: Draw
         return read_by(reader, path, channels, drawing)
     if str(file).lower().endswith(".toml"):
         raise BadInput(
-            "a TOML file", where=file, expected="a BRDF file or material:NAME", hint="`homofact info` names what reads it"
+            "a TOML file",
+            where=file,
+            expected="a BRDF file or material:NAME",
+            hint="`homofact info` names what reads it",
         )
     if hint := hint_of(head):
         others = ", ".join(reader.NAME for reader in READERS if reader is not csv)
@@ -71,7 +74,10 @@ def open_file(path: str | os.PathLike[str], channels: str = "rgb", drawing: Draw
 
 
 def format_of(path: str | os.PathLike[str]) -> str | None:
-    """The name of the format that a file's head is known as, None for any other. Raises BadInput as `read_bytes`."""
+    """Return the name of the format that a file's head is known as, None for any other.
+
+    Raises BadInput as `read_bytes`.
+    """
     raw = read_bytes(path, "a BRDF file", may_be_empty=True)
     return next((reader.NAME for reader in _readers_of(raw[:_HEAD], len(raw))), None)
 
@@ -85,7 +91,10 @@ def _readers_of(head: bytes, size: int) -> list[ModuleType]:
 def read_by(
     reader: ModuleType, path: str | os.PathLike[str], channels: str = "rgb", drawing: Drawing | None = None
 ) -> Reading:
-    """What a file holds by one of `READERS`. Raises what it raises, and names the file where samples are refused."""
+    """Return what a file holds by one of `READERS`.
+
+    Raises what it raises, and names the file where samples are refused.
+    """
     try:
         if hasattr(reader, "open_file"):
             return reader.open_file(path, channels, drawing)

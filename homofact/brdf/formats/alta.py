@@ -49,7 +49,7 @@ _MOST_COLUMNS = 4096
 
 
 def sniff(head: bytes) -> bool:
-    """Whether a file that begins with `head` is of this format: #DIM among its first lines with #."""
+    """Return whether a file that begins with `head` is of this format: #DIM among its first lines with #."""
     for _, line in numbered_lines(head):
         if line.startswith("#DIM"):
             return True
@@ -59,12 +59,12 @@ def sniff(head: bytes) -> bool:
 
 
 def material_names(path: str | os.PathLike[str]) -> list[str]:
-    """What FILE#NAME may state of the values."""
+    """Return what FILE#NAME may state of the values."""
     return list(_OUTPUTS)
 
 
 def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
-    """The samples of a file, isotropic where its parameterization has no azimuth of the whole pair.
+    """Return the samples of a file, isotropic where its parameterization has no azimuth of the whole pair.
 
     Raises BadInput naming file and line: unknown or missing PARAM_IN or PARAM_OUT, sizes that disagree, wrong
     column counts, numbers that are none, a cut end, no row above the horizon.

@@ -41,13 +41,13 @@ _SLACK = 1e-6
 
 
 def sniff(head: bytes) -> bool:
-    """Whether a file that begins with `head` is of this format: a line VARS that names theta_i."""
+    """Return whether a file that begins with `head` is of this format: a line VARS that names theta_i."""
     lines = (line.split(None, 1) for _, line in numbered_lines(head))
     return any(len(words) == 2 and words[0] == "VARS" and "theta_i" in words[1] for words in lines)
 
 
 def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
-    """The samples of a file.
+    """Return the samples of a file.
 
     Raises BadInput naming file and line: no VARS or NUM_POINTS, columns missing or given twice, another number
     of rows, wrong column counts, numbers that are none, directions under the horizon, a cut end.

@@ -34,7 +34,7 @@ _ANGLE_SLACK = 1e-6
 
 
 def sniff(head: bytes) -> bool:
-    """Whether a file that begins with `head` is of this format: a count alone, then rising wavelengths."""
+    """Return whether a file that begins with `head` is of this format: a count alone, then rising wavelengths."""
     lines = [line.split() for _, line in _content(head)]
     if b"# num wls" in head and (not lines or len(lines[0]) == 1):
         return True
@@ -48,7 +48,7 @@ def sniff(head: bytes) -> bool:
 
 
 def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
-    """The samples of a file, isotropic, as "rgb" (linear sRGB under D65), "spectral" or "luminance".
+    """Return the samples of a file, isotropic, as "rgb" (linear sRGB under D65), "spectral" or "luminance".
 
     Exact zeros are kept: provenance["faults"] counts them. Raises BadInput naming file and line for numbers
     that are none, not finite or negative, wrong column counts, a cut end, directions under the horizon.

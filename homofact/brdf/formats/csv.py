@@ -50,7 +50,7 @@ _Fault = tuple[Tensor, Callable[[int], BadInput]]
 
 
 def sniff(head: bytes) -> bool:
-    """Whether a file that begins with `head` is of this format: a header with one of the directions' names."""
+    """Return whether a file that begins with `head` is of this format: a header with one of the directions' names."""
     for _, line in numbered_lines(head):
         if not line.startswith("#"):
             words = {word.strip() for word in line.split(",")}
@@ -59,7 +59,7 @@ def sniff(head: bytes) -> bool:
 
 
 def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
-    """The samples of a file. Exact zeros are kept and counted.
+    """Return the samples of a file. Exact zeros are kept and counted.
 
     Raises BadInput naming file and line: a header without directions or channels, names given twice, wrong
     column counts, numbers that are none or negative, directions under the horizon or not of unit length, a cut

@@ -52,7 +52,7 @@ def sniff(head: bytes) -> bool:
 
 
 def material_names(path: str | os.PathLike[str]) -> list[str]:
-    """The numbers of the samples in a file, as text. Raises BadInput for a damaged one."""
+    """Return the numbers of the samples in a file, as text. Raises BadInput for a damaged one."""
     return [str(number) for number in _rows(split_member(path)[0])]
 
 

@@ -24,7 +24,7 @@ _CHUNK = 2**18
 
 
 def reading_of(path: object, tables: IncidenceTables, channels: str, facts: dict[str, Any]) -> Reading:
-    """The tables as a reflectance, and their nodes above the horizon as samples weighted by solid angle.
+    """Return the tables as a reflectance, and their nodes above the horizon as samples weighted by solid angle.
 
     Negative values were counted by the caller. Raises BadInput as `Reading.of`.
     """

@@ -23,7 +23,7 @@ class LineReader:
         return len(self._lines) - self._next
 
     def line(self, what: str) -> str:
-        """The next line without surrounding blanks. Raises BadInput where the file ends before it."""
+        """Return the next line without surrounding blanks. Raises BadInput where the file ends before it."""
         if not self.left:
             last = self._lines[-1][0] if self._lines else 0
             raise BadInput(f"the file ends after line {last}", where=self.path, expected=what)
@@ -31,31 +31,31 @@ class LineReader:
         return self._lines[self._next - 1][1].strip()
 
     def fault(self, problem: str, expected: object) -> BadInput:
-        """What is wrong with the line that was taken last."""
+        """Return what is wrong with the line that was taken last."""
         return line_fault(self.path, self._lines[max(0, self._next - 1)][0], problem, expected)
 
     def whole(self, word: str, what: str, most: int = _MOST) -> int:
-        """A word of the last line as a whole number from 1 to `most`. Raises BadInput naming the line."""
+        """Return a word of the last line as a whole number from 1 to `most`. Raises BadInput naming the line."""
         if not (word.isascii() and word.isdecimal() and len(word) < 10 and 1 <= int(word) <= most):
             raise self.fault(f"{what} is {short(word)}", f"a whole number from 1 to {most}")
         return int(word)
 
     def wholes(self, count: int, what: str) -> list[int]:
-        """The next line's `count` whole numbers from 1. Raises BadInput naming the line."""
+        """Return the next line's `count` whole numbers from 1. Raises BadInput naming the line."""
         words = self.line(what).split()
         if len(words) != count:
             raise self.fault(f"{len(words)} numbers", f"{count}: {what}")
         return [self.whole(word, what) for word in words]
 
     def flags(self, count: int, what: str) -> list[bool]:
-        """The next line's `count` numbers that are 0 or 1. Raises BadInput naming the line."""
+        """Return the next line's `count` numbers that are 0 or 1. Raises BadInput naming the line."""
         words = self.line(what).split()
         if len(words) != count or any(word not in ("0", "1") for word in words):
             raise self.fault(f"{short(' '.join(words))}", f"{count} of 0 and 1: {what}")
         return [word == "1" for word in words]
 
     def numbers(self, count: int, what: str) -> np.ndarray:
-        """`count` numbers on the next lines, however they are wrapped. Raises BadInput naming the line."""
+        """Return `count` numbers on the next lines, however they are wrapped. Raises BadInput naming the line."""
         found: list[float] = []
         while len(found) < count:
             words = self.line(f"{count} numbers: {what}").split()
@@ -67,7 +67,7 @@ class LineReader:
         return np.array(found)
 
     def table(self, rows: int, columns: int, what: str) -> np.ndarray:
-        """The next `rows` lines of `columns` numbers each. Raises BadInput naming the line."""
+        """Return the next `rows` lines of `columns` numbers each. Raises BadInput naming the line."""
         if rows > self.left:
             raise BadInput(
                 f"the file ends {rows - self.left} lines early", where=self.path, expected=f"{rows} rows of {what}"

@@ -37,12 +37,12 @@ _CHANNELS = {0: ("Y",), 1: ("R", "G", "B")}
 
 
 def sniff(head: bytes) -> bool:
-    """Whether a file that begins with `head` is of this format."""
+    """Return whether a file that begins with `head` is of this format."""
     return head.startswith(_MAGIC)
 
 
 def open_file(path: str | os.PathLike[str], channels: str = "rgb", drawing: Drawing | None = None) -> Reading:
-    """The bins up to the last measured angles as isotropic samples, and the table itself.
+    """Return the bins up to the last measured angles as isotropic samples, and the table itself.
 
     Samples are weighted by solid angle, mean 1; `drawing` does not matter. Raises BadInput for a file without
     reflection, an unknown type, sizes that disagree with the file's, and entries that are not finite.

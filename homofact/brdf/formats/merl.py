@@ -42,7 +42,7 @@ def sniff(head: bytes) -> bool:
 
 
 def load(path: str | os.PathLike[str]) -> MerlTable:
-    """The table of a file. Raises BadInput for sizes that disagree with the file's, and entries not finite."""
+    """Return the table of a file. Raises BadInput for sizes that disagree with the file's, and entries not finite."""
     raw = read_bytes(path, DESCRIPTION)
     if not sniff(raw[:_HEADER]):
         raise BadInput(
@@ -66,7 +66,7 @@ def load(path: str | os.PathLike[str]) -> MerlTable:
 
 
 def samples_of(table: MerlTable) -> Samples:
-    """The measured bins of a table as samples, isotropic, R, G and B; weights as in the module's head.
+    """Return the measured bins of a table as samples, isotropic, R, G and B; weights as in the module's head.
 
     Raises BadInput where no bin was measured.
     """
@@ -104,7 +104,7 @@ def samples_of(table: MerlTable) -> Samples:
 
 
 def open_file(path: str | os.PathLike[str], channels: str = "rgb", drawing: Drawing | None = None) -> Reading:
-    """Samples of all measured bins, and the table itself; `drawing` does not matter.
+    """Return samples of all measured bins, and the table itself; `drawing` does not matter.
 
     Raises BadInput as `load` and `samples_of` do, and for channels "spectral".
     """

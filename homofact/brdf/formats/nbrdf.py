@@ -31,17 +31,17 @@ _FIRST_MEMBER = re.compile(rb"[^\0]/[wb][012]\.npy")
 
 
 def sniff(head: bytes) -> bool:
-    """Whether a file that begins with `head` is a zip whose first member is one of a network's arrays."""
+    """Return whether a file that begins with `head` is a zip whose first member is one of a network's arrays."""
     return head.startswith(b"PK\x03\x04") and _FIRST_MEMBER.search(head[30:300]) is not None
 
 
 def material_names(path: str | os.PathLike[str]) -> list[str]:
-    """The materials of a file, sorted. Raises BadInput where it cannot be read or holds no network."""
+    """Return the materials of a file, sorted. Raises BadInput where it cannot be read or holds no network."""
     return _names(path, read_bytes(path, DESCRIPTION))
 
 
 def load(path: str | os.PathLike[str]) -> NeuralBrdf:
-    """The network that "FILE#NAME" names; of a file with a single material, NAME may be left out.
+    """Return the network that "FILE#NAME" names; of a file with a single material, NAME may be left out.
 
     Raises BadInput for a damaged file, an unknown name (naming the nearest), no name where there are several
     (listing some), and arrays of wrong sizes or types.
@@ -81,7 +81,7 @@ def load(path: str | os.PathLike[str]) -> NeuralBrdf:
 
 
 def open_file(path: str | os.PathLike[str], channels: str = "rgb", drawing: Drawing | None = None) -> Reading:
-    """The network that "FILE#NAME" names, with noise-free samples of it drawn as `drawing` says.
+    """Return the network that "FILE#NAME" names, with noise-free samples of it drawn as `drawing` says.
 
     Raises BadInput as `load` does, and for channels "spectral".
     """

@@ -35,12 +35,12 @@ _LENGTH_TOLERANCE = 1e-3
 
 
 def sniff(head: bytes) -> bool:
-    """Whether a file that begins with `head` is a zip whose first member is a numpy array."""
+    """Return whether a file that begins with `head` is a zip whose first member is a numpy array."""
     return head.startswith(b"PK\x03\x04") and b".npy" in head[30:300]
 
 
 def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
-    """The samples of a file, in `channels` where the file can give them (spectra become RGB or luminance).
+    """Return the samples of a file, in `channels` where the file can give them (spectra become RGB or luminance).
 
     Raises BadInput naming the file and the array: missing, of a wrong shape or type, not finite, negative,
     under the horizon, not of unit length; or a damaged archive.

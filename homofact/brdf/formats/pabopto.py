@@ -77,7 +77,7 @@ class _Table:
 
 
 def sniff(head: bytes) -> bool:
-    """Whether a file that begins with `head` is of this format: #format: theta phi … before any row."""
+    """Return whether a file that begins with `head` is of this format: #format: theta phi … before any row."""
     for _, line in numbered_lines(head):
         if not line.startswith("#"):
             return False
@@ -87,13 +87,13 @@ def sniff(head: bytes) -> bool:
 
 
 def material_names(path: str | os.PathLike[str]) -> list[str]:
-    """The sides that are lit in a file and those beside it. Raises BadInput for a damaged file."""
+    """Return the sides that are lit in a file and those beside it. Raises BadInput for a damaged file."""
     lit = {table.head.side for table in _together(split_member(path)[0])[0]}
     return [side for side in SIDES if side in lit]
 
 
 def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
-    """The samples of a file and those beside it that belong to the same sample.
+    """Return the samples of a file and those beside it that belong to the same sample.
 
     Raises BadInput naming file and line: a header that lacks the format or the light's direction, an unknown format,
     wrong column counts, numbers that are none, angles out of range, light on both sides and none named, transmission

@@ -31,13 +31,13 @@ class Reading:
 
     @classmethod
     def of(cls, path: object, samples: Samples, reflectance: Reflectance, channels: str) -> "Reading":
-        """A file's reflectance and samples of it, both in `channels`. Raises BadInput as `in_channels`."""
+        """Return a file's reflectance and samples of it, both in `channels`. Raises BadInput as `in_channels`."""
         wants_sum = channels == "luminance" and len(reflectance.channels) == 3
         return cls(in_channels(path, samples, channels), LuminanceOf(reflectance) if wants_sum else reflectance)
 
 
 def in_channels(path: object, samples: Samples, channels: str) -> Samples:
-    """A file's samples in `channels`. Raises BadInput, naming the file, where it cannot give them."""
+    """Return a file's samples in `channels`. Raises BadInput, naming the file, where it cannot give them."""
     try:
         return as_channels(samples, channels)
     except BadInput as error:
@@ -45,12 +45,12 @@ def in_channels(path: object, samples: Samples, channels: str) -> Samples:
 
 
 def line_fault(path: object, number: int, problem: str, expected: object) -> BadInput:
-    """What is wrong with a line of a text file."""
+    """Return what is wrong with a line of a text file."""
     return BadInput(problem, where=f"{path}: line {number}", expected=expected)
 
 
 def zeros_of(values: Tensor) -> dict[str, int]:
-    """How many of the values (N, C) are exactly 0, and how many samples have such a value; for the faults."""
+    """Return how many of the values (N, C) are exactly 0, and how many samples have such a value; for the faults."""
     zeros = values == 0
     return {"exact_zeros": int(zeros.sum()), "samples_with_zeros": int(zeros.any(1).sum())}
 

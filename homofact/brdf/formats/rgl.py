@@ -38,12 +38,12 @@ _RGB = ("R", "G", "B")
 
 
 def sniff(head: bytes) -> bool:
-    """Whether a file that begins with `head` is a tensor file."""
+    """Return whether a file that begins with `head` is a tensor file."""
     return head.startswith(MAGIC)
 
 
 def load(path: str | os.PathLike[str], channels: str = "rgb") -> AdaptiveTable:
-    """The table of a file, in "rgb" or "spectral"; "luminance" of a spectral file is CIE Y, of an RGB file RGB.
+    """Return the table of a file, in "rgb" or "spectral"; "luminance" of a spectral file is CIE Y, of an RGB file RGB.
 
     A spectral file's table becomes linear sRGB or Y node by node, its values being linear in the table;
     facts["faults"] counts the negative entries. Raises BadInput as `read_tensors` does, for a missing field, a
@@ -92,7 +92,7 @@ def load(path: str | os.PathLike[str], channels: str = "rgb") -> AdaptiveTable:
 
 
 def open_file(path: str | os.PathLike[str], channels: str = "rgb", drawing: Drawing | None = None) -> Reading:
-    """The table of a file as a reflectance, with samples of it drawn as `drawing` says; errors as in `load`."""
+    """Return the table of a file as a reflectance, with samples of it drawn as `drawing` says; errors as in `load`."""
     table = load(path, channels)
     draw = drawing or Drawing()
     try:

@@ -53,12 +53,12 @@ _LEAST_COSINE = 0.01
 
 
 def sniff(head: bytes) -> bool:
-    """Whether a file that begins with `head` is of this format."""
+    """Return whether a file that begins with `head` is of this format."""
     return _HEAD.match(text_of(head[:200]).split("\n")[0].strip()) is not None
 
 
 def material_names(path: str | os.PathLike[str]) -> list[str]:
-    """What may follow FILE#."""
+    """Return what may follow FILE#."""
     return [MEMBER]
 
 
@@ -70,7 +70,7 @@ class _Grid:
 
 
 def open_file(path: str | os.PathLike[str], channels: str = "rgb", drawing: Drawing | None = None) -> Reading:
-    """The nodes as samples, and the tables as a reflectance; `drawing` does not matter.
+    """Return the nodes as samples, and the tables as a reflectance; `drawing` does not matter.
 
     Raises BadInput naming file and line: binary mode, versions before 7, transmission alone, counts that the file
     does not bear out, angles that do not rise or lie under the horizon, a percentage of a table that is 0 throughout,

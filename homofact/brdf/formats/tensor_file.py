@@ -31,7 +31,7 @@ _ALIGNED = 8
 
 
 def read_tensors(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
-    """Every field of a tensor file by name, read-only views of its bytes.
+    """Return every field of a tensor file by name, read-only views of its bytes.
 
     Raises BadInput naming file and field for another version, a header that ends early, more fields than fit,
     a name twice or not in UTF-8, an unknown type, and data that do not lie within the file.
@@ -90,7 +90,7 @@ def read_tensors(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
 
 
 def tensor_bytes(fields: Mapping[str, np.ndarray]) -> bytes:
-    """A file of arrays of whole numbers or floats, in their order."""
+    """Return a file of arrays of whole numbers or floats, in their order."""
     codes = {kind: code for code, kind in _TYPES.items()}
     head = len(MAGIC) + len(_VERSION) + 4 + sum(2 + len(name.encode()) + 11 + 8 * a.ndim for name, a in fields.items())
     described, data, place = [struct.pack("<I", len(fields))], [], head
@@ -108,5 +108,5 @@ def tensor_bytes(fields: Mapping[str, np.ndarray]) -> bytes:
 
 
 def short(name: str) -> str:
-    """A field's name for a message."""
+    """Return a field's name for a message."""
     return repr(name if len(name) <= 40 else name[:37] + "...")

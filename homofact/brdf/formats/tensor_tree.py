@@ -19,7 +19,10 @@ _DEEPEST = 20
 
 
 def parsed_tree(where: object, text: str, dimensions: int) -> Tree:
-    """The tree of a text. Raises BadInput for braces that do not match, numbers of branches or values, and words."""
+    """Return the tree of a text.
+
+    Raises BadInput for braces that do not match, numbers of branches or values, and words.
+    """
     branches = 2**dimensions
     children: list[list[int]] = []
     grids: list[np.ndarray] = []

@@ -41,14 +41,14 @@ def sniff(head: bytes) -> bool:
 
 
 def axes() -> tuple[TableAxis, TableAxis, TableAxis, TableAxis]:
-    """θi, φi, θv and φv of the nodes, in radians."""
+    """Return θi, φi, θv and φv of the nodes, in radians."""
     theta = TableAxis(torch.arange(SHAPE[1], dtype=torch.float64) * math.radians(15))
     phi = TableAxis(torch.arange(SHAPE[2], dtype=torch.float64) * math.radians(7.5), periodic=True)
     return theta, phi, theta, phi
 
 
 def open_file(path: str | os.PathLike[str], channels: str = "rgb", drawing: Drawing | None = None) -> Reading:
-    """All nodes as anisotropic samples weighted by solid angle, mean 1, and the table itself.
+    """Return all nodes as anisotropic samples weighted by solid angle, mean 1, and the table itself.
 
     `drawing` does not matter. Raises BadInput for another size, and entries not finite or beyond a million.
     """

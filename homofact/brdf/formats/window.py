@@ -56,24 +56,24 @@ class _Layer:
     comments: list[str]
 
     def bands(self, side: str) -> list[str]:
-        """The wavelengths that hold the reflection of a side."""
+        """Return the wavelengths that hold the reflection of a side."""
         return [band for direction, band in self.blocks if direction == f"reflection {side}"]
 
 
 def sniff(head: bytes) -> bool:
-    """Whether a file that begins with `head` is of this format."""
+    """Return whether a file that begins with `head` is of this format."""
     return head.lstrip(b"\xef\xbb\xbf \r\n\t").startswith(b"<") and _MARK in head
 
 
 def material_names(path: str | os.PathLike[str]) -> list[str]:
-    """The sides whose reflection a file holds, of front and back. Raises BadInput for a damaged one."""
+    """Return the sides whose reflection a file holds, of front and back. Raises BadInput for a damaged one."""
     file = split_member(path)[0]
     layer = _layer(file, read_bytes(file, DESCRIPTION))
     return [side for side in SIDES if layer.bands(side)]
 
 
 def open_file(path: str | os.PathLike[str], channels: str = "rgb", drawing: Drawing | None = None) -> Reading:
-    """The reflection of the side that "FILE#front" or "FILE#back" names, and samples of it.
+    """Return the reflection of the side that "FILE#front" or "FILE#back" names, and samples of it.
 
     Raises BadInput naming the file, and the block where it is one: XML that is cut or damaged, no layer, an unknown
     structure or basis, transmission alone, no side where front and back differ, a wavelength that is missing, another

@@ -79,12 +79,12 @@ def sniff(head: bytes) -> bool:
 
 
 def material_names(path: str | os.PathLike[str]) -> list[str]:
-    """What may follow FILE#."""
+    """Return what may follow FILE#."""
     return [MEMBER]
 
 
 def open_file(path: str | os.PathLike[str], channels: str = "rgb", drawing: Drawing | None = None) -> Reading:
-    """The nodes above the horizon as samples, and the tables as a reflectance; `drawing` does not matter.
+    """Return the nodes above the horizon as samples, and the tables as a reflectance; `drawing` does not matter.
 
     Raises BadInput naming file and line: transmission, a word of the header that is missing or unknown, counts that the
     file does not bear out, angles that do not rise or do not cover half a turn or a whole one, numbers that are none, a

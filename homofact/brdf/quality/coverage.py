@@ -19,7 +19,7 @@ STEPS = 6
 
 
 def holes(samples: Samples) -> dict[str, Any]:
-    """The share of empty cells of the module head's grid, their number and that of all cells (JSON-able)."""
+    """Return the share of empty cells of the module head's grid, their number and that of all cells (JSON-able)."""
     place = (coordinate_system("isotropic-in-out").evaluate(samples.wi, samples.wo) + 1) / 2
     cells = occupied_cells(place, (STEPS, STEPS, STEPS))
     total = STEPS**3
@@ -36,7 +36,7 @@ def occupied_cells(place: Tensor, steps: tuple[int, ...]) -> Tensor:
 
 
 def spread(samples: Samples) -> dict[str, Any]:
-    """How far the samples reach, in degrees: [5%, median, 95%] of θi, θo, θh, θd, and how many lights there are.
+    """Return how far the samples reach, in degrees: [5%, median, 95%] of θi, θo, θh, θd, and how many lights there are.
 
     `lights` counts the ωi that differ by more than 0.01° (JSON-able).
     """

@@ -73,7 +73,7 @@ class Extrapolation:
         return ~self._far_from(self._known, self._at(wi.to(self._samples.wi), wo.to(self._samples.wo)))[0].to(wi.device)
 
     def carried_on(self) -> Samples | None:
-        """Pairs that are not measured, with the values of the nearest samples; None where there are none."""
+        """Return pairs that are not measured, with the values of the nearest samples; None where there are none."""
         if self._known is None:
             return None
         drawn = self._drawn(COUNT, _SEED)
@@ -83,14 +83,14 @@ class Extrapolation:
         return self._made(drawn, far, values, weight.expand(COUNT))
 
     def outside(self, wi: Tensor, wo: Tensor) -> Tensor:
-        """Whether pairs of directions (N, 3) lie beyond the measured range (N,): nowhere for drawn samples."""
+        """Return whether pairs of directions (N, 3) lie beyond the measured range (N,): nowhere for drawn samples."""
         if self._known is None:
             return torch.zeros(len(wi), dtype=torch.bool, device=wi.device)
         pairs = self._at(wi.to(self._samples.wi), wo.to(self._samples.wo))
         return self._outside(pairs).to(wi.device)
 
     def exceeding(self, evaluate: Callable[[Tensor, Tensor], Tensor], attempt: int) -> Samples | None:
-        """Where a fit is more than `EXCESS` times its bound, channel by channel; None where it is nowhere.
+        """Return where a fit is more than `EXCESS` times its bound, channel by channel; None where it is nowhere.
 
         With the bound for a value, each pair at the weight of a sample but all of them at no more than `MOST` of the
         samples' weight. `attempt` counts the calls: other pairs are drawn in each.

@@ -81,14 +81,14 @@ class Calibration:
         return self.rms >= LEAST_GAIN and self.improvement >= LEAST_IMPROVEMENT
 
     def record(self) -> dict[str, Any]:
-        """A JSON-able dictionary."""
+        """Return a JSON-able dictionary."""
         return {
             "rms": round(self.rms, 6), "improvement": round(self.improvement, 6), "removed": self.removed,
             **{gains.of: gains.record() for gains in self.gains},
         }  # fmt: skip
 
     def line(self) -> str:
-        """One line for people."""
+        """Return one line for people."""
         what = "gains by ring of θ" if self.kind == "rings" else "gains along the rows"
         if not self.removed:
             return f"{what}: none found ({self.rms:.1%} RMS, no more than a clean material may show); nothing changed"
@@ -98,7 +98,7 @@ class Calibration:
 
 
 def calibrated(samples: Samples, kinds: Sequence[str]) -> Samples:
-    """The samples without their gains of `kinds` ("rings", "rows"), one kind after the other.
+    """Return the samples without their gains of `kinds` ("rings", "rows"), one kind after the other.
 
     provenance["gains"] has what was found of each (`Calibration.record`). Raises BadInput for an unknown kind,
     anisotropic samples, and fewer than `LEAST_SAMPLES`.
@@ -122,7 +122,7 @@ def calibrated(samples: Samples, kinds: Sequence[str]) -> Samples:
 
 
 def gain_at(gains: Gains, samples: Samples) -> Tensor:
-    """The log gain of every sample (N,)."""
+    """Return the log gain of every sample (N,)."""
     if gains.of == "row":
         logs = np.interp(np.arange(len(samples)), gains.at, gains.logs)
     else:
@@ -132,7 +132,7 @@ def gain_at(gains: Gains, samples: Samples) -> Tensor:
 
 
 def calibration_of(samples: Samples, kind: str) -> Calibration:
-    """The gains of one kind, without asking whether they are worth removing; see the module's head."""
+    """Return the gains of one kind, without asking whether they are worth removing; see the module's head."""
     order = torch.randperm(len(samples), generator=torch.Generator().manual_seed(0))
     index = order[:MOST_SAMPLES].sort().values
     some = samples.select(index.to(samples.wi.device))
@@ -177,7 +177,7 @@ def _of_rings(samples: Samples, evidence: Evidence, index: np.ndarray, count: in
 
 
 def lacking_reciprocity(evidence: Evidence) -> tuple[np.ndarray, np.ndarray, float]:
-    """(angles (K,) in degrees, log gains over θi there of mean 0, their RMS beyond what noise makes of it).
+    """Return (angles (K,) in degrees, log gains over θi there of mean 0, their RMS beyond what noise makes of it).
 
     By reciprocity alone, of samples that lie on no rings: `BINS` bins of the angle, the gain over θi less that over θo.
     The error of a bin's mean is that of the fit over the root of the samples in it; `NOISES` times its square is taken

@@ -31,12 +31,12 @@ class LeastAngle:
         self._found = dict(known)
 
     def ratio(self, degrees: float) -> float:
-        """The ratio of all blocks at an angle, evaluated once."""
+        """Return the ratio of all blocks at an angle, evaluated once."""
         apart, both = self._at(degrees).sum(1)
         return float(apart / max(both, 1e-300))
 
     def best_of(self, grid: Sequence[float], guess: float) -> float:
-        """The angle of a rising grid at which the ratio is least, downhill from the angle nearest to `guess`."""
+        """Return the angle of a rising grid at which the ratio is least, downhill from the angle nearest to `guess`."""
         place = min(range(len(grid)), key=lambda k: abs(grid[k] - guess))
         while True:
             beside = range(max(place - 1, 0), min(place + 2, len(grid)))
@@ -47,7 +47,7 @@ class LeastAngle:
             place = lowest
 
     def answer(self, grid: Sequence[float], best: float) -> tuple[float, tuple[float, float], float]:
-        """(the angle of the least ratio, its 95% interval, the angle of the first half of the blocks).
+        """Return (the angle of the least ratio, its 95% interval, the angle of the first half of the blocks).
 
         `grid` rises and holds `best`, from where the run of evaluated angles grows.
         """

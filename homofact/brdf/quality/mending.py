@@ -17,7 +17,10 @@ from homofact.errors import BadInput
 
 
 def wanted(calibrate: Sequence[str]) -> tuple[str, ...]:
-    """The kinds of `CALIBRATIONS` that are asked for, without "auto" and "none". Raises BadInput for unknown ones."""
+    """Return the kinds of `CALIBRATIONS` that are asked for, without "auto" and "none".
+
+    Raises BadInput for unknown ones.
+    """
     for kind in calibrate:
         if kind not in CALIBRATIONS:
             raise BadInput(where="calibrate", found=repr(kind), expected=f"some of {', '.join(CALIBRATIONS)}")
@@ -29,7 +32,7 @@ def wanted(calibrate: Sequence[str]) -> tuple[str, ...]:
 def straightened(
     name: str, reflectance: Reflectance, samples: Samples, calibrate: Sequence[str]
 ) -> tuple[Reflectance, Samples]:
-    """A measured table and the samples drawn from it with the tilt of the sample undone, where there is one.
+    """Return a measured table and the samples drawn from it with the tilt of the sample undone, where there is one.
 
     `calibrate` as `open_source` takes it: "auto" passes over what no tilt can be found of, "tilt" raises BadInput.
     provenance["tilt"] has what was found (`TiltFinding.record`).

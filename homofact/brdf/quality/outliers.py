@@ -41,7 +41,7 @@ _ROUNDING = 1e-3  # logs nearer than this are alike
 
 
 def outlier_weights(samples: Samples, seed: int = 0) -> np.ndarray:
-    """Weights (N,) from 0 to 1 of the module's head; all 1 for fewer than `FEWEST` samples.
+    """Return weights (N,) from 0 to 1 of the module's head; all 1 for fewer than `FEWEST` samples.
 
     More than `MOST_AT_ONCE` are looked at in parts, drawn by `seed`.
     """
@@ -60,7 +60,7 @@ def outlier_weights(samples: Samples, seed: int = 0) -> np.ndarray:
 
 
 def without_outliers(samples: Samples, seed: int = 0) -> tuple[Samples, float]:
-    """(the samples without those of weight 0, the others weighted; the share of all weight that was taken).
+    """Return (the samples without those of weight 0, the others weighted; the share of all weight that was taken).
 
     Raises BadInput where hardly any weight is left.
     """

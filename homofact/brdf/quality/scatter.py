@@ -35,7 +35,7 @@ class Scatter:
 
 
 def local_scatter(samples: Samples, seed: int = 0) -> Scatter | None:
-    """The scatter of the module's head; None for fewer samples than two neighbourhoods."""
+    """Return the scatter of the module's head; None for fewer samples than two neighbourhoods."""
     some = samples.subset(MOST_SAMPLES, seed).to("cpu")
     if len(some) < 2 * NEIGHBOURS:
         return None

@@ -81,7 +81,7 @@ class TiltAngle:
         return not self.reason
 
     def record(self) -> dict[str, Any]:
-        """A JSON-able dictionary."""
+        """Return a JSON-able dictionary."""
         return {
             "degrees": round(self.degrees, 4),
             "interval": [round(self.low, 4), round(self.high, 4)],
@@ -108,12 +108,12 @@ class TiltFinding:
         return Tilt(*(math.radians(angle) for angle in angles)) if any(angles) else None
 
     def record(self) -> dict[str, Any]:
-        """A JSON-able dictionary."""
+        """Return a JSON-able dictionary."""
         angles = {"in_plane": self.in_plane.record(), "out_of_plane": self.out_of_plane.record()}
         return angles | {"undone": self.tilt is not None, "words": self.line()}
 
     def line(self) -> str:
-        """One line for people."""
+        """Return one line for people."""
         parts = [
             f"{angle.degrees:+.3f}° {where} (95% interval {angle.low:+.3f}° to {angle.high:+.3f}°), which lowers the "
             f"{law} error from {angle.misfit:.1%} to {angle.undone:.1%}"
@@ -129,7 +129,7 @@ class TiltFinding:
 
 
 def find_tilt(reflectance: Reflectance, seed: int = 0) -> TiltFinding:
-    """The tilt of an isotropic measurement that can be evaluated anywhere; the same seed gives the same bits."""
+    """Return the tilt of an isotropic measurement that can be evaluated anywhere; the same seed gives the same bits."""
     pairs = _TiltPairs.drawn(seed)
     if _incidences(reflectance) < 2:
         unknown = TiltAngle(0.0, -SEARCHED, SEARCHED, 0.0, 0.0, 0.0, reason="light from one angle shows no reciprocity")
@@ -209,7 +209,7 @@ class _ReciprocalMean(Derived):
 
     @answering_in_kind
     def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
-        """Values (N, C) in sr⁻¹."""
+        """Return values (N, C) in sr⁻¹."""
         return (self.base.evaluate(wi, wo) + self.base.evaluate(wo, wi)) / 2
 
 
@@ -224,7 +224,7 @@ class _TiltPairs:
 
     @classmethod
     def drawn(cls, seed: int) -> "_TiltPairs":
-        """Pairs of the scheme lobe within the limit."""
+        """Return pairs of the scheme lobe within the limit."""
         wi, wo = draw_lobe(2 * PAIRS, torch.Generator().manual_seed(seed))
         within = torch.minimum(wi[:, 2], wo[:, 2]) > math.cos(LIMIT)
         wi, wo = wi[within][:PAIRS], wo[within][:PAIRS]
@@ -257,20 +257,20 @@ class _TiltPairs:
         return TiltAngle(degrees, low, high, misfit, math.nan, near)
 
     def every(self, step: int) -> "_TiltPairs":
-        """Every pair whose number divides by `step`."""
+        """Return every pair whose number divides by `step`."""
         return _TiltPairs(*(part[::step].contiguous() for part in (self.wi, self.wo, self.weight, self.block)))
 
     def with_undone(
         self, angle: TiltAngle, reflectance: Reflectance, tilt: Callable[[float], Tilt], partner: _Partner
     ) -> TiltAngle:
-        """The angle with the misfit that is left when it is undone."""
+        """Return the angle with the misfit that is left when it is undone."""
         if not math.isnan(angle.undone):
             return angle
         straight = Straightened(reflectance, tilt(math.radians(angle.degrees)))
         return replace(angle, undone=_ratio(self._blocks(straight, partner)))
 
     def levelled(self, reflectance: Reflectance) -> float:
-        """The misfit that the best gain exp(c θ²) leaves of pairs and swapped pairs, to first order in c."""
+        """Return the misfit that the best gain exp(c θ²) leaves of pairs and swapped pairs, to first order in c."""
         apart, both = self._parts(reflectance, _swapped)
         theta_i, theta_o = (to_spherical(w)[0] for w in (self.wi, self.wo))
         column = both * (theta_i**2 - theta_o**2)[:, None]

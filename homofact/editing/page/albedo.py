@@ -28,7 +28,7 @@ class FurnaceTable:
 
 
 def factors(term: EditableTerm) -> list[tuple[int, str, int]]:
-    """(slot's number, angle, bands) of what multiplies the quotient; a curve at both ends is there twice."""
+    """Return (slot's number, angle, bands) of what multiplies the quotient; a curve at both ends is there twice."""
     found = []
     for number, slot in enumerate(term.slots):
         found.append((number, slot.angle, slot.bands))
@@ -38,7 +38,7 @@ def factors(term: EditableTerm) -> list[tuple[int, str, int]]:
 
 
 def furnace_table(term: EditableTerm) -> FurnaceTable:
-    """The table of a term."""
+    """Return the table of a term."""
     rows, weights = [], []
     for number, degrees in enumerate(DEGREES):
         combined, values = [], []

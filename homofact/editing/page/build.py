@@ -106,7 +106,7 @@ def scene_numbers(prepared: PreparedScene) -> dict[str, dict[str, str | int | fl
 
 
 def error_words(share: float) -> str:
-    """An error in words; what nobody sees is not counted out."""
+    """Return an error in words; what nobody sees is not counted out."""
     return "below 0.001%" if share < 1e-5 else percent(share)
 
 

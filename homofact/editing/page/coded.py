@@ -29,7 +29,7 @@ class Coded:
 
 
 def coded(transport: LowRank) -> Coded:
-    """A transport in whole numbers."""
+    """Return a transport in whole numbers."""
     a = transport.coefficients.values().astype(np.float64)
     rows = transport.outward.values()[:, 0].astype(np.float64)
     # The picture as the curves start, up to the scale's floor: ρ = 1.

@@ -66,7 +66,7 @@ class QuotientTable:
 
 
 def quotient_table(term: EditableTerm) -> QuotientTable:
-    """The table of a term's quotient."""
+    """Return the table of a term's quotient."""
     wi, wo = pairs_of(_PAIRS, _SEED)
     values = term.quotient(wi, wo)
     if bool((values == values[:1]).all()):
@@ -83,14 +83,14 @@ def quotient_table(term: EditableTerm) -> QuotientTable:
 
 
 def is_isotropic(term: EditableTerm, wi: Tensor, wo: Tensor, values: Tensor) -> bool:
-    """Whether the quotient stays the same when both directions are turned about the normal together."""
+    """Return whether the quotient stays the same when both directions are turned about the normal together."""
     turned = (torch.stack((y, -x, z), 1) for x, y, z in (wi.unbind(1), wo.unbind(1)))
     other = term.quotient(*turned)
     return float((other - values).abs().max()) <= _SAME * float(values.abs().max())
 
 
 def lifted(w: Tensor) -> Tensor:
-    """Unit directions with their height above the horizon at least `_LOWEST`."""
+    """Return unit directions with their height above the horizon at least `_LOWEST`."""
     return normalize(torch.cat((w[:, :2], w[:, 2:].clamp_min(_LOWEST)), 1))
 
 
@@ -105,7 +105,7 @@ def from_rusinkiewicz(theta_h: Tensor, theta_d: Tensor, phi_d: Tensor, phi_h: Te
 
 
 def to_rusinkiewicz(wi: Tensor, wo: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """θh, θd, φd, φh (N,) of directions (N, 3): the inverse."""
+    """Return θh, θd, φd, φh (N,) of directions (N, 3): the inverse."""
     s, e = wi + wo, wi - wo
     phi_h = torch.atan2(s[:, 1], s[:, 0])
     theta_h = torch.atan2(s[:, :2].norm(dim=1), s[:, 2])

@@ -68,7 +68,7 @@ class Artefact:
         )
 
     def record(self) -> dict[str, Any]:
-        """A JSON-able dictionary."""
+        """Return a JSON-able dictionary."""
         return {
             "kind": self.kind.value,
             "bright": self.bright,
@@ -87,7 +87,7 @@ _PICTURES = {
 
 
 def artefact_of(view: View, piece: np.ndarray, bright: bool, size: float) -> Artefact:
-    """The artefact that a piece (H, W) bool of a picture is; `size` is how much it differs there."""
+    """Return the artefact that a piece (H, W) bool of a picture is; `size` is how much it differs there."""
     inside = piece[view.inside]
     place = _Place.of(view, inside)
     kind = _kind(place, bright)
@@ -110,7 +110,7 @@ class _Place:
 
     @classmethod
     def of(cls, view: View, inside: np.ndarray) -> "_Place":
-        """The place of the pixels `inside` (P,) bool, of those that show the sphere."""
+        """Return the place of the pixels `inside` (P,) bool, of those that show the sphere."""
         normal = view.normal[inside]
         seen = normal[:, 2]
         highlights = view.lights + np.array([0.0, 0.0, 1.0])

@@ -60,12 +60,12 @@ class Look:
     left_out: float
 
     def record(self) -> dict[str, Any]:
-        """A JSON-able dictionary."""
+        """Return a JSON-able dictionary."""
         return {"artefacts": [each.record() for each in self.artefacts], "left_out": self.left_out}
 
 
 def look_for_artefacts(fit: Reflectance, source: Source | Samples) -> Look | None:
-    """What pictures of a fit show that those of its source, or of its samples, do not.
+    """Return what pictures of a fit show that those of its source, or of its samples, do not.
 
     None where their channels cannot be shown in a picture. Raises BadInput where the fit is not finite.
     """
@@ -84,7 +84,7 @@ class Shown:
     range: SourceRange
 
     def pieces(self, picture: np.ndarray) -> Iterator[tuple[float, Artefact]]:
-        """(sum of the excess, artefact) of each piece that the fit's picture shows, one artefact a place."""
+        """Yield (sum of the excess, artefact) of each piece that the fit's picture shows, one artefact a place."""
         excess = self.range.excess(picture)
         differs = np.sqrt(((picture - self.picture) ** 2) @ LUMA)
         count = self.view.inside.sum()
@@ -134,21 +134,24 @@ class SourcePictures:
         self.left_out = float(np.mean(left_out))
 
     def draw(self, reflectance: Reflectance) -> Tensor:
-        """The values (N, 1 or 3) of a reflectance at the pairs of all views. Raises BadInput for one not finite."""
+        """Return the values (N, 1 or 3) of a reflectance at the pairs of all views.
+
+        Raises BadInput for one not finite.
+        """
         return shader(reflectance, self.to_rgb)(*_pairs())
 
     def in_colour(self, values: Tensor) -> Tensor:
-        """Values (N, C) of the source's channels in those of a picture."""
+        """Return values (N, C) of the source's channels in those of a picture."""
         return values if self.to_rgb is None else self.to_rgb(values)
 
     def pictures(self, fit: Reflectance) -> list[np.ndarray]:
-        """The encoded pictures (H, W, 3) of a fit, one for each of `shown`."""
+        """Return the encoded pictures (H, W, 3) of a fit, one for each of `shown`."""
         values = self.draw(fit)
         drawn = {view.name: view.radiance(values[part]) for view, part in _parts()}
         return [_encoded(drawn[each.view.name], each.view, each.exposure, each.curve) for each in self.shown]
 
     def look(self, pictures: Sequence[np.ndarray]) -> Look:
-        """What the `pictures` of a fit show."""
+        """Return what the `pictures` of a fit show."""
         pairs = zip(self.shown, pictures, strict=True)
         found = [piece for shown, picture in pairs for piece in shown.pieces(picture)]
         worst: dict[Any, tuple[float, Artefact]] = {}

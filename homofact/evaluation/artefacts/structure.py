@@ -61,7 +61,7 @@ class SourceRange:
 
 
 def bands(picture: np.ndarray, inside: np.ndarray) -> list[np.ndarray]:
-    """The bands (H, W, 3) of an encoded picture (H, W, 3), over the pixels `inside`; 0 elsewhere."""
+    """Return the bands (H, W, 3) of an encoded picture (H, W, 3), over the pixels `inside`; 0 elsewhere."""
     blurred = {width: _blur(picture, inside, width) for widths in BANDS for width in widths}
     return [np.where(inside[..., None], blurred[inner] - blurred[outer], 0.0) for inner, outer in BANDS]
 

@@ -54,7 +54,7 @@ class View:
     lights: np.ndarray
 
     def radiance(self, values: Tensor) -> Tensor:
-        """Radiance (PIXELS, PIXELS, C) of reflectances (N, C) of the pairs; 0 outside."""
+        """Return radiance (PIXELS, PIXELS, C) of reflectances (N, C) of the pairs; 0 outside."""
         count = PIXELS * PIXELS
         places = torch.from_numpy(np.flatnonzero(self.inside))[self.pixel]
         found = torch.zeros(count, values.shape[1], dtype=torch.float64)
@@ -63,7 +63,7 @@ class View:
 
 @lru_cache(maxsize=1)
 def views() -> tuple[View, ...]:
-    """The three pictures, made once."""
+    """Return the three pictures, made once."""
     whole = _pixels(1, (0.0, 0.0))
     highlight = _highlight(np.array(DEFAULT_LIGHT.unit().tolist()))
     close = _pixels(ZOOM, (float(highlight[0]), float(highlight[1])))
@@ -72,7 +72,7 @@ def views() -> tuple[View, ...]:
 
 
 def sky_lamps() -> list[DirectionalLight]:
-    """The lamps of the sky, the brightest first."""
+    """Return the lamps of the sky, the brightest first."""
     lamps = []
     for number in range(_SCATTERED):
         # A spiral from above the viewer's head to behind the sphere's rim.

@@ -59,7 +59,7 @@ class ErrorBar:
     def stated(
         cls, quantity: str, kind: BarKind, bound: float, rate: float, degrees: tuple[float, float], reason: str = ""
     ) -> "ErrorBar":
-        """A bar of a bound; withdrawn where that is more than `MOST`."""
+        """Return a bar of a bound; withdrawn where that is more than `MOST`."""
         if not bound <= MOST:
             why = reason or f"it may be off by more than a factor of {1 + MOST:g}"
             return cls(quantity, BarKind.WITHDRAWN, None, rate, degrees, why)
@@ -83,11 +83,11 @@ class ErrorBar:
         return f"{name} within {percent(self.error)}"
 
     def between(self) -> str:
-        """What the source has over what the fit has: "0.95 to 1.05"; of a withdrawn one "unknown"."""
+        """Return what the source has over what the fit has: "0.95 to 1.05"; of a withdrawn one "unknown"."""
         return "unknown" if self.low is None or self.high is None else f"{self.low:.3g} to {self.high:.3g}"
 
     def record(self) -> dict[str, Any]:
-        """A JSON-able dictionary."""
+        """Return a JSON-able dictionary."""
         return {
             "quantity": self.quantity,
             "kind": self.kind.value,
@@ -101,7 +101,7 @@ class ErrorBar:
 
     @classmethod
     def of(cls, record: Mapping[str, Any]) -> "ErrorBar":
-        """The bar of a record. Raises KeyError, TypeError or ValueError for what is none."""
+        """Return the bar of a record. Raises KeyError, TypeError or ValueError for what is none."""
         low, high = map(float, record["degrees"])
         error = record["error"]
         return cls(
@@ -122,7 +122,7 @@ class ErrorBars:
     by_angle: tuple[ErrorBar, ...] = ()
 
     def of(self, quantity: str) -> ErrorBar:
-        """The bar of a quantity. Raises BadInput for one that has none, naming those that have."""
+        """Return the bar of a quantity. Raises BadInput for one that has none, naming those that have."""
         for bar in self.bars:
             if bar.quantity == quantity:
                 return bar
@@ -164,7 +164,7 @@ class ErrorBars:
         return next((bar.kind for bar in self.bars if bar.error is not None), BarKind.WITHDRAWN)
 
     def sentence(self) -> str:
-        """All bars in one sentence."""
+        """Return all bars in one sentence."""
         stated = [bar for bar in self.bars if bar.error is not None]
         albedo = self.bars[0]
         if not stated:
@@ -182,12 +182,12 @@ class ErrorBars:
         return f"{given}: {said}; true for {_often(stated[0].rate)} such fits{beyond}"
 
     def record(self) -> dict[str, Any]:
-        """A JSON-able dictionary."""
+        """Return a JSON-able dictionary."""
         return {"all": [bar.record() for bar in self.bars], "by_angle": [bar.record() for bar in self.by_angle]}
 
     @classmethod
     def of_record(cls, record: Any) -> "ErrorBars | None":
-        """The bars of a record; None for what is none."""
+        """Return the bars of a record; None for what is none."""
         try:
             bars, by_angle = (tuple(map(ErrorBar.of, record[part])) for part in ("all", "by_angle"))
         except (KeyError, TypeError, ValueError):

@@ -57,7 +57,7 @@ RANGE_MARGIN = 2.0  # degrees: an albedo just beyond the outermost samples is me
 
 
 def angles_in_range(lowest: float, highest: float) -> tuple[int, ...]:
-    """Which of `energy.ALBEDO_DEGREES` lie in a measured range of θ in degrees; the first at least."""
+    """Return which of `energy.ALBEDO_DEGREES` lie in a measured range of θ in degrees; the first at least."""
     inside = [k for k, at in enumerate(ALBEDO_DEGREES) if at <= highest + RANGE_MARGIN]
     return tuple(inside) or (0,)
 

@@ -82,7 +82,7 @@ class _Known:
     missed: Tensor
 
     def read(self, place: np.ndarray) -> tuple[Tensor, Tensor]:
-        """The mean logarithm and the mean miss of the nearest samples, (M, C) each."""
+        """Return the mean logarithm and the mean miss of the nearest samples, (M, C) each."""
         count = min(NEIGHBOURS, self.tree.n)
         near = torch.from_numpy(np.reshape(self.tree.query(place, k=count)[1], (len(place), count)))
         return self.logs[near].mean(1), self.missed[near].mean(1)
@@ -164,7 +164,7 @@ class _Nodes:
 
     @classmethod
     def of(cls, fit: Reflectance, samples: Samples, transform: LogTransform) -> "_Nodes":
-        """The nodes of a fit at `energy.ALBEDO_DEGREES`, lit from one azimuth."""
+        """Return the nodes of a fit at `energy.ALBEDO_DEGREES`, lit from one azimuth."""
         theta = torch.tensor(ALBEDO_DEGREES, dtype=torch.float64).deg2rad()
         lit = from_spherical(theta, torch.zeros_like(theta))
         wo, solid = hemisphere_nodes(lit, _RINGS, _SPOKES)
@@ -187,12 +187,12 @@ class _Nodes:
         return self.light(plain), self.light(better)
 
     def light(self, values: Tensor) -> tuple[Tensor, float]:
-        """(total light (angles, C), light where the fit is brightest) of values at the nodes."""
+        """Return (total light (angles, C), light where the fit is brightest) of values at the nodes."""
         flux = self.weight[..., None] * values
         return flux.sum(1), float((flux * self.brightest[..., None]).sum())
 
     def gaps(self, tree: "KDTree") -> tuple[tuple[float, ...], float]:
-        """`gap` and `highlight_gap` of `SampleReading`."""
+        """Return `gap` and `highlight_gap` of `SampleReading`."""
         flux = self.weight * self.values.mean(-1)
         far = torch.from_numpy(np.asarray(tree.query(self.place)[0])).reshape(flux.shape)
         bright = flux * self.brightest
@@ -200,7 +200,7 @@ class _Nodes:
         return tuple(mean.tolist()), float((bright * far).sum() / bright.sum().clamp_min(_TINY))
 
     def beyond(self, extrapolation: Extrapolation) -> tuple[float, ...]:
-        """`unmeasured` of `SampleReading`."""
+        """Return `unmeasured` of `SampleReading`."""
         flux = self.weight * self.values.mean(-1)
         outside = ~extrapolation.measured(self.wi, self.wo).reshape(flux.shape)
         return tuple(((flux * outside).sum(1) / flux.sum(1).clamp_min(_TINY)).tolist())

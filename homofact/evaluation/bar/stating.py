@@ -39,7 +39,7 @@ def measured_bars(seen: Appearance) -> ErrorBars:
 
 
 def stated_bars(figures: "Figures", odds: Mapping[str, float], constants: Table, doubt: str) -> ErrorBars:
-    """The bars of a fit to samples: of right samples or, where there is a `doubt` in words, of faulty ones.
+    """Return the bars of a fit to samples: of right samples or, where there is a `doubt` in words, of faulty ones.
 
     `odds` are those of the suspicions.
     """
@@ -69,7 +69,7 @@ def withdrawn_bars(figures: "Figures", reason: str) -> ErrorBars:
 
 
 def stated_range(figures: "Figures") -> tuple[float, float]:
-    """The θ in degrees for which bars are stated: as far as was measured, and as albedos were calibrated."""
+    """Return the θ in degrees for which bars are stated: as far as was measured, and as albedos were calibrated."""
     coverage = figures.coverage
     lowest = 0.0 if coverage.lowest < _WHOLE else coverage.lowest
     return lowest, min(coverage.highest, _HIGHEST)

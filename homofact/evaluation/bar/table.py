@@ -27,7 +27,7 @@ class LinearModel:
     columns: Mapping[str, tuple[float, float, float, float]]
 
     def value(self, features: Mapping[str, float]) -> float:
-        """The model's value."""
+        """Return the model's value."""
         return self.offset + sum(
             weight * (min(max(features[name], low), high) - mean)
             for name, (weight, mean, low, high) in self.columns.items()
@@ -43,7 +43,7 @@ class BarModel:
     quantile: float
 
     def bound(self, features: Mapping[str, float]) -> float:
-        """The bound of |log(fit/source)|, or of the share of a picture's light."""
+        """Return the bound of |log(fit/source)|, or of the share of a picture's light."""
         spread = max(self.spread.value(features), LEAST_SPREAD)
         return math.exp(self.model.value(features) + self.quantile * spread)
 
@@ -64,12 +64,12 @@ class Table:
     made: Mapping[str, Any]
 
     def score(self, features: Mapping[str, float]) -> float:
-        """The probability that a fit is bad."""
+        """Return the probability that a fit is bad."""
         return 1 / (1 + math.exp(-min(max(self.warning.value(features), -30), 30)))
 
     @classmethod
     def of(cls, record: Mapping[str, Any]) -> "Table":
-        """The table of a JSON record."""
+        """Return the table of a JSON record."""
         bars = {kind: {name: _bar(model) for name, model in models.items()} for kind, models in record["bars"].items()}
         angles = {kind: tuple(map(_bar, models)) for kind, models in record["angles"].items()}
         return cls(bars, angles, _linear(record["warning"]), record["threshold"], record["made"])
@@ -77,7 +77,7 @@ class Table:
 
 @lru_cache(maxsize=1)
 def table() -> Table:
-    """The table of this version."""
+    """Return the table of this version."""
     text = resources.files("homofact.evaluation.bar").joinpath("table.json").read_text(encoding="utf-8")
     return Table.of(json.loads(text))
 

@@ -150,7 +150,7 @@ class Figures:
 
     @classmethod
     def of(cls, record: Mapping[str, Any]) -> "Figures":
-        """The figures of a record, as `record` makes it. Raises KeyError for what is none."""
+        """Return the figures of a record, as `record` makes it. Raises KeyError for what is none."""
 
         def own(group: type[Any], found: Mapping[str, Any]) -> Any:
             values = {each.name: found[each.name] for each in fields(group)}

@@ -56,7 +56,7 @@ class Finding:
     cost: float | None = None
 
     def line(self) -> str:
-        """The finding in one line."""
+        """Return the finding in one line."""
         return f"{self.found}: {self.remedy}"
 
     @property
@@ -65,7 +65,7 @@ class Finding:
         return "" if self.cost is None or self.cost < WORTH_SAYING else f"widens the error bar {self.cost:.2g} times"
 
     def record(self) -> dict[str, Any]:
-        """A JSON-able dictionary."""
+        """Return a JSON-able dictionary."""
         return {
             "name": self.name,
             "about": self.about.value,
@@ -77,5 +77,5 @@ class Finding:
 
 
 def ordered(findings: list[Finding]) -> tuple[Finding, ...]:
-    """The fit's before the data's before what is unknown; of one kind by what they cost."""
+    """Return the findings on the fit, then on the data, then on what is unknown; of one kind by what they cost."""
     return tuple(sorted(findings, key=lambda finding: (tuple(About).index(finding.about), -(finding.cost or 0.0))))

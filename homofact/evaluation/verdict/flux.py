@@ -55,7 +55,7 @@ def misplaced(flux: Tensor, expected: Tensor, found: Tensor) -> float:
 def worst_band(
     samples: Samples, flux: Tensor, found: Tensor, names: Sequence[str] = tuple(BANDS)
 ) -> tuple[float, str] | None:
-    """(light of the fit over that of the samples, where) in the band that is farthest off; None for none.
+    """Return (light of the fit over that of the samples, where) in the band that is farthest off; None for none.
 
     The bands are of the angles that are named, θi and θh. Channel by channel, in bands of `LEAST_IN_A_BAND` samples and
     `LEAST_OF_THE_LIGHT`. What chance may do to so many samples, `SURE` standard errors of the difference, is taken off.
@@ -124,7 +124,7 @@ def between_samples(samples: Samples, flux: Tensor) -> float:
 
 
 def rising(samples: Samples, flux: Tensor) -> float:
-    """The exponent at which samples rise towards the mirror direction where they end, f ~ θh^(−exponent).
+    """Return the exponent at which samples rise towards the mirror direction where they end, f ~ θh^(−exponent).
 
     Of the mean of the `INNERMOST` with the smallest θh, θd under `LEAST_GRAZING`, beside those at twice to three times
     as much; less one standard error. A highlight whose top was measured is flat there; one that is still rising goes on
@@ -155,7 +155,7 @@ def rising(samples: Samples, flux: Tensor) -> float:
 
 
 def towards_the_mirror(samples: Samples) -> tuple[float, float]:
-    """(θh in degrees within which `INNERMOST` samples lie, their mean over that at θh in `BASE_DEGREES`).
+    """Return (θh in degrees within which `INNERMOST` samples lie, their mean over that at θh in `BASE_DEGREES`).
 
     Of samples with θd under `LEAST_GRAZING`. The second is 1 where either is empty or dark: no highlight was seen.
     """
@@ -171,13 +171,13 @@ def towards_the_mirror(samples: Samples) -> tuple[float, float]:
 
 
 def cut_light(flux: Tensor, expected: Tensor, is_cut: Tensor) -> float:
-    """Share of the light of the worst channel where the fit `is_cut` (N, C) at zero."""
+    """Return share of the light of the worst channel where the fit `is_cut` (N, C) at zero."""
     light = flux[:, None] * expected
     return float(((light * is_cut).sum(0) / light.sum(0).clamp_min(1e-300)).max())
 
 
 def standing_out(samples: Samples, flux: Tensor, found: Tensor, misses: Tensor) -> float:
-    """Light by which few samples miss the fit by `OUTLIER` robust deviations; 0 where they are many."""
+    """Return light by which few samples miss the fit by `OUTLIER` robust deviations; 0 where they are many."""
     far = misses > OUTLIER * scale_of(misses)
     if float(far.double().mean()) > FEW_OUTLIERS:
         return 0.0
@@ -239,7 +239,7 @@ def rounded_light(samples: Samples, flux: Tensor) -> float:
 
 
 def differing_light(samples: Samples, flux: Tensor) -> float:
-    """Light by which samples of the same two directions differ from their mean."""
+    """Return light by which samples of the same two directions differ from their mean."""
     keys = (torch.cat((samples.wi, samples.wo), 1) / _SAME).round()
     _, group, counts = torch.unique(keys, dim=0, return_inverse=True, return_counts=True)
     if int(counts.max()) < 2:
@@ -287,7 +287,7 @@ def albedos(fit: Reflectance, isotropic: bool) -> Tensor:
 
 
 def largest_step(found: Tensor) -> tuple[float, str]:
-    """(albedo at an angle over that at its neighbour nearer to `STEADY_DEGREES`, where), the farthest from 1.
+    """Return (albedo at an angle over that at its neighbour nearer to `STEADY_DEGREES`, where), the farthest from 1.
 
     Of `albedos`, up to `STEADY_DEGREES`, where the albedo of a material hardly depends on the angle.
     """

@@ -42,7 +42,7 @@ def judge(
     seen: Appearance | None = None,
     look: Look | None = None,
 ) -> Verdict:
-    """The verdict on a fit of `train`, whose `errors` on (what it was given, `test`) are known.
+    """Return the verdict on a fit of `train`, whose `errors` on (what it was given, `test`) are known.
 
     `seen` is its appearance beside its source, None where that cannot be asked, `look` what pictures of it show
     (`artefacts.look`). `train` are the training samples as measured: azimuth copies agree with each other perfectly and
@@ -72,7 +72,7 @@ def measured_alarm(seen: Appearance) -> Alarm:
 
 
 def is_good(off: float, sky: float, lamp: float) -> bool:
-    """Whether a fit is a good one, as far as an eye can tell.
+    """Return whether a fit is a good one, as far as an eye can tell.
 
     `off` is |log| of its worst albedo over the source's, `sky` and `lamp` are Σ|difference| over Σ of a sphere's
     picture. Logarithms have no say: of a nearly diffuse material they hold little but noise.

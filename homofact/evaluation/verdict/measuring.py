@@ -43,7 +43,7 @@ def measured_figures(
     seed: int,
     seen: Appearance | None = None,
 ) -> Figures:
-    """The figures of a fit of `train`, whose `errors` on (what it was given, `test`) are known.
+    """Return the figures of a fit of `train`, whose `errors` on (what it was given, `test`) are known.
 
     `seen` is its appearance beside its source, None where that cannot be asked. `train` are the training samples as
     measured: azimuth copies agree with each other perfectly and would hide it.

@@ -76,7 +76,7 @@ class _Note:
     feature: str = ""
 
     def finding(self, noted: Noted) -> Finding | None:
-        """The finding; None where there is none."""
+        """Return the finding; None where there is none."""
         value = self.figure(noted)
         if value is None or value <= self.most:
             return None
@@ -236,7 +236,7 @@ _NOTES = (
 
 
 def of_the_figures(noted: Noted) -> Iterator[Finding]:
-    """Where a figure is not as expected; of several notes of one name about one thing the first that speaks."""
+    """Yield where a figure is not as expected; of several notes of one name about one thing the first that speaks."""
     said: set[tuple[str, About]] = set()
     for note in _NOTES:
         finding = None if (note.name, note.about) in said else note.finding(noted)

@@ -30,7 +30,7 @@ class Alarm:
         return self.above(None)
 
     def above(self, threshold: float | None) -> bool:
-        """Whether the score is above another threshold than the usual one."""
+        """Return whether the score is above another threshold than the usual one."""
         return not self.score <= (self.threshold if threshold is None else threshold)
 
 
@@ -54,11 +54,11 @@ class Verdict:
         return not self.alarm.given and not self._artefacts
 
     def about(self, whose: About) -> tuple[Finding, ...]:
-        """The findings about the fit, the data, or what is unknown."""
+        """Return the findings about the fit, the data, or what is unknown."""
         return tuple(finding for finding in self.findings if finding.about is whose)
 
     def without(self, whose: About) -> "Verdict":
-        """The verdict with no findings about one of the three."""
+        """Return the verdict with no findings about one of the three."""
         return replace(self, findings=tuple(each for each in self.findings if each.about is not whose))
 
     @property
@@ -80,7 +80,7 @@ class Verdict:
         return next((finding.advice for finding in self.findings if finding.advice), None)
 
     def record(self) -> dict[str, Any]:
-        """A JSON-able dictionary, the figures of all groups side by side."""
+        """Return a JSON-able dictionary, the figures of all groups side by side."""
         return self.figures.record() | {
             "status": self.status.value,
             "trusted": self.trusted,

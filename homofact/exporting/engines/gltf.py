@@ -41,7 +41,7 @@ def _files(made: Exported) -> Added:
 
 
 def readme(look: MetallicRoughness, name: str, found: Likeness) -> str:
-    """The text of README.md: what the look-alike is, what it is not, and its errors."""
+    """Return the text of README.md: what the look-alike is, what it is not, and its errors."""
     rows = [f"| {label} | {value} |" for label, value in _numbers(look)]
     extensions = sorted(extensions_of(look))
     return template(
@@ -60,7 +60,7 @@ def readme(look: MetallicRoughness, name: str, found: Likeness) -> str:
 
 
 def material_of(look: MetallicRoughness, name: str) -> dict[str, Any]:
-    """The material's object in glTF's JSON."""
+    """Return the material's object in glTF's JSON."""
     colour = look.base_colour if len(look.base_colour) == 3 else look.base_colour * 3
     material: dict[str, Any] = {
         "name": name,
@@ -75,7 +75,7 @@ def material_of(look: MetallicRoughness, name: str) -> dict[str, Any]:
 
 
 def extensions_of(look: MetallicRoughness) -> dict[str, Any]:
-    """The extensions of the material's object, by name; none that would change nothing."""
+    """Return the extensions of the material's object, by name; none that would change nothing."""
     more: dict[str, Any] = {}
     if look.extended_specular:
         colour = look.specular_colour or (1.0,)
@@ -95,7 +95,7 @@ def extensions_of(look: MetallicRoughness) -> dict[str, Any]:
 
 
 def glb(look: MetallicRoughness, name: str, rings: int = 48, note: str = "") -> bytes:
-    """A binary glTF 2.0 file: the unit sphere with its tangents along the parallels, in this material.
+    """Return a binary glTF 2.0 file: the unit sphere with its tangents along the parallels, in this material.
 
     A `note` stands behind the name of the material, in brackets.
     """
@@ -143,7 +143,7 @@ def glb(look: MetallicRoughness, name: str, rings: int = 48, note: str = "") -> 
 
 
 def said(look: MetallicRoughness) -> str:
-    """The material's numbers on one line."""
+    """Return the material's numbers on one line."""
     return ", ".join(f"{label} {value}" for label, value in _numbers(look))
 
 

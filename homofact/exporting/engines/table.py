@@ -14,7 +14,10 @@ ENGINES = {engine.name: engine for engine in (THREE, GLTF, MATERIALX_ENGINE, GOD
 
 
 def engine_named(name: str, form: str | None) -> tuple[Engine, str]:
-    """The engine, and the texture format asked for or its own. Raises BadInput for what it is not or does not take."""
+    """Return the engine, and the texture format asked for or its own.
+
+    Raises BadInput for what it is not or does not take.
+    """
     if name not in ENGINES:
         raise BadInput(
             where="engine",

@@ -13,12 +13,12 @@ EXPECTED_OF_NLOPT = f"{', '.join([*_SHORT_NAMES, 'LD_LBFGS', 'LD_SLSQP'])} or an
 
 
 def in_full(algorithm: str) -> str:
-    """An algorithm of nlopt as nlopt spells it."""
+    """Return an algorithm of nlopt as nlopt spells it."""
     return _SHORT_NAMES.get(algorithm, algorithm)
 
 
 def has_algorithm(algorithm: str) -> bool:
-    """Whether nlopt has an algorithm of this name, that needs no more than it is given here."""
+    """Return whether nlopt has an algorithm of this name, that needs no more than it is given here."""
     import nlopt
 
     full = in_full(algorithm)
@@ -26,7 +26,7 @@ def has_algorithm(algorithm: str) -> bool:
 
 
 def expected_search(name: str) -> str | None:
-    """What is expected instead where `name` is no search; None where it is one."""
+    """Return what is expected instead where `name` is no search; None where it is one."""
     if name.startswith("nlopt-"):
         return None if has_algorithm(name.removeprefix("nlopt-")) else f"behind nlopt- {EXPECTED_OF_NLOPT}"
     return None if name in ("gradient", "powell") else _EXPECTED

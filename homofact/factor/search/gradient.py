@@ -36,7 +36,7 @@ class Gradient:
         return "gradient"
 
     def limited(self, steps: int) -> "Gradient":
-        """The same with at most `steps` iterations."""
+        """Return the same with at most `steps` iterations."""
         return replace(self, iterations=steps)
 
     def descend(self, measured: MeasuredObjective, start: Tensor, seed: int) -> SearchEnding:

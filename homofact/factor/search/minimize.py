@@ -41,7 +41,7 @@ class Minimizer(Protocol):
         ...
 
     def limited(self, steps: int) -> "Minimizer":
-        """The same search with at most so many iterations (or, where it counts those, evaluations)."""
+        """Return the same search with at most so many iterations (or, where it counts those, evaluations)."""
         ...
 
     def descend(self, measured: "MeasuredObjective", start: Tensor, seed: int) -> SearchEnding:
@@ -63,11 +63,11 @@ class MeasuredObjective:
         self.trace: list[tuple[float, int, float]] = []
 
     def value(self, vector: Tensor) -> float:
-        """R at a vector (V,). Raises DeadlineReached once the time is up."""
+        """Return R at a vector (V,). Raises DeadlineReached once the time is up."""
         return self._noted(self.objective.error(vector), vector)
 
     def slope(self, vector: Tensor) -> tuple[float, Tensor]:
-        """R and its gradient (V,). Raises DeadlineReached once the time is up."""
+        """Return R and its gradient (V,). Raises DeadlineReached once the time is up."""
         evaluation = self.objective.evaluate(vector)
         return self._noted(evaluation.value, vector), evaluation.gradient
 
@@ -90,7 +90,7 @@ def minimize(
     seconds: float = float("inf"),
     seed: int = 0,
 ) -> tuple[Tensor, Report]:
-    """The best vector (V,) that `search` met, and a report whose residual is its R.
+    """Return the best vector (V,) that `search` met, and a report whose residual is its R.
 
     `seconds` is only a guard: a search that it ends has the status GUARD, and at least one evaluation is made whatever
     it is. Ctrl-C ends the search as INTERRUPTED with the best so far, or is raised again where there is none.

@@ -50,7 +50,7 @@ class Nlopt:
         return f"nlopt-{self.algorithm}"
 
     def limited(self, steps: int) -> "Nlopt":
-        """The same with at most as many evaluations as `steps` gradient iterations or 8 direct sweeps cost."""
+        """Return the same with at most as many evaluations as `steps` gradient iterations or 8 direct sweeps cost."""
         return replace(self, evaluations=steps if "D_" in self.full_name[:3] else 8 * steps)
 
     def descend(self, measured: MeasuredObjective, start: Tensor, seed: int) -> SearchEnding:

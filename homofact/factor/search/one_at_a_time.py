@@ -33,7 +33,7 @@ class OneAtATime:
         return "powell"
 
     def limited(self, steps: int) -> "OneAtATime":
-        """The same with fewer sweeps: one for every four gradient iterations."""
+        """Return the same with fewer sweeps: one for every four gradient iterations."""
         return replace(self, rounds=1, powell=replace(self.powell, sweeps=max(1, steps // 4)))
 
     def descend(self, measured: MeasuredObjective, start: Tensor, seed: int) -> SearchEnding:

@@ -34,7 +34,7 @@ class Powell:
     def minimize(
         self, function: Callable[[Rotation], float], start: Rotation, seed: int = 0
     ) -> tuple[Rotation, Report]:
-        """The best rotation found from `start`, and the report (residual: its error).
+        """Return the best rotation found from `start`, and the report (residual: its error).
 
         Status CONVERGED when a sweep gained less than `tolerance` of the error, BUDGET when the sweeps ran out.
         `seed` is only passed on to the report. The first directions are the thesis's six, or three in R³.

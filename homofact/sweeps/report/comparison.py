@@ -24,7 +24,7 @@ class Pair:
     before: ReportedFit
 
     def change(self, metric: Metric) -> float | None:
-        """How much worse it got, negative where better; None where either has no such figure."""
+        """Return how much worse it got, negative where better; None where either has no such figure."""
         now, before = self.now.row.metrics[metric.name], self.before.row.metrics[metric.name]
         return None if now is None or before is None else change(metric, before, now)
 
@@ -39,12 +39,12 @@ class SweepComparison:
     only_before: int
 
     def counts(self, metric: Metric) -> dict[str, int]:
-        """How many pairs got better, worse, or stayed the same."""
+        """Return how many pairs got better, worse, or stayed the same."""
         said = [word(metric, step) for pair in self.pairs if (step := pair.change(metric)) is not None]
         return {kind: said.count(kind) for kind in ("better", "same", "worse")}
 
     def record(self) -> dict[str, Any]:
-        """How many pairs there are and what became of them, JSON-able."""
+        """Return how many pairs there are and what became of them, JSON-able."""
         return {
             "versions": list(self.before.versions),
             "pairs": len(self.pairs),
@@ -74,14 +74,14 @@ def word(metric: Metric, step: float) -> str:
 
 
 def compared(now: ReadSweep, before: ReadSweep) -> SweepComparison:
-    """Two sweeps, fit by fit."""
+    """Return two sweeps, fit by fit."""
     earlier = {fit.match: fit for fit in before.fits}
     pairs = tuple(Pair(fit, earlier[fit.match]) for fit in now.fits if fit.match in earlier)
     return SweepComparison(before, pairs, len(now.fits) - len(pairs), len(before.fits) - len(pairs))
 
 
 def worst(fits: Sequence[ReportedFit], metric: Metric, count: int = 10) -> list[ReportedFit]:
-    """The `count` worst fits by a metric, the worst first; those without the figure are none of them."""
+    """Return the `count` worst fits by a metric, the worst first; those without the figure are none of them."""
     order = [
         (metric.badness(value), k) for k, fit in enumerate(fits) if (value := fit.row.metrics[metric.name]) is not None
     ]

@@ -38,11 +38,11 @@ def page_html(
 
 
 def safe(text: object) -> str:
-    """A text as HTML that shows it, in attributes too."""
+    """Return a text as HTML that shows it, in attributes too."""
     return html.escape(harmless(str(text)))
 
 
 def finding_words(finding: ReportedFinding) -> str:
-    """A finding as an item of a list."""
+    """Return a finding as an item of a list."""
     remedy = f" <span class='quiet'>{safe(finding.remedy)}</span>" if finding.remedy else ""
     return f"<li><b>{safe(finding.name)}</b>, {safe(finding.about)}: {safe(finding.found)}.{remedy}</li>"

@@ -22,7 +22,7 @@ SCRIPTS = ("formats.js", "axes.js", "plot.js", "table.js", "lists.js", "index.js
 def index_html(
     sweep: ReadSweep, shown: Mapping[str, FitFiles], comparison: SweepComparison | None, files: Sequence[str]
 ) -> str:
-    """The page; `files` are the tables beside it."""
+    """Return the page; `files` are the tables beside it."""
     materials = len(sweep.names())
     made = ", ".join(sweep.versions)
     counts = [_count(len(sweep.fits), "fit"), f"of {_count(materials, 'material')}", f"homofact {made}"]
@@ -38,7 +38,7 @@ def index_html(
 def index_data(
     sweep: ReadSweep, shown: Mapping[str, FitFiles], comparison: SweepComparison | None, files: Sequence[str]
 ) -> dict[str, Any]:
-    """What the page draws; `index.js` says what is where in a fit's list."""
+    """Return what the page draws; `index.js` says what is where in a fit's list."""
     labels = list(by_label(fit.row for fit in sweep.fits))
     materials = [{"page": page, "name": name} for page, name in sweep.names().items()]
     places = {material["page"]: k for k, material in enumerate(materials)}

@@ -26,7 +26,7 @@ class FitFiles:
 def material_html(
     name: str, fits: Sequence[ReportedFit], shown: Mapping[str, FitFiles], aside: Sequence[Aside], sweep: str
 ) -> str:
-    """The page of the material of this name; `shown` is by key, `aside` what there is no fit of."""
+    """Return the page of the material of this name; `shown` is by key, `aside` what there is no fit of."""
     body = [
         "<main class='material'>",
         "<nav class='crumbs' aria-label='Breadcrumb'><a href='../index.html'>← All fits</a></nav>",

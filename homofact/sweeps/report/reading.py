@@ -68,7 +68,7 @@ class ReadSweep:
         return tuple(sorted({fit.task.version for fit in self.fits}, key=_parts))
 
     def materials(self) -> dict[str, list[ReportedFit]]:
-        """The fits of each source, by its page's name."""
+        """Return the fits of each source, by its page's name."""
         by_page: dict[str, list[ReportedFit]] = {}
         for fit in self.fits:
             by_page.setdefault(fit.material, []).append(fit)
@@ -86,7 +86,7 @@ class ReadSweep:
 
 
 def read_results(folder: Path) -> ReadSweep:
-    """The sweep in a folder.
+    """Return the sweep in a folder.
 
     Raises BadInput where it is no sweep's, holds no result, was edited, or has fits of a newer homofact.
     """

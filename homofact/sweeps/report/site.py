@@ -104,11 +104,11 @@ class _Sources:
         self._baselines: dict[str, dict[Any, FitWithErrors]] = {}
 
     def baselines(self, fitted: Fitted) -> dict[Any, FitWithErrors]:
-        """McCool's fits of the same split, by their settings."""
+        """Return McCool's fits of the same split, by their settings."""
         return self._baselines.setdefault(repr(fitted.provenance.get("split")), {})
 
     def of(self, fitted: Fitted, folder: Path) -> tuple[Reopened | None, Layer | None]:
-        """The source and its layer; None where it is gone."""
+        """Return the source and its layer; None where it is gone."""
         split = repr(fitted.provenance.get("split"))
         if split not in self._opened:
             try:

@@ -16,7 +16,7 @@ NO_PARQUET = extras.told("pyarrow", "no Parquet")
 
 
 def parquet_there() -> bool:
-    """Whether tables can be written as Parquet too."""
+    """Return whether tables can be written as Parquet too."""
     return extras.installed("pyarrow")
 
 
@@ -39,7 +39,7 @@ def fit_rows(fits: Sequence[ReportedFit]) -> list[dict[str, Any]]:
 
 
 def aside_rows(aside: Sequence[Aside]) -> list[dict[str, Any]]:
-    """A row for each fit that was set aside."""
+    """Return a row for each fit that was set aside."""
     return [
         {
             "key": entry.task.key,

@@ -25,11 +25,11 @@ class Suspicion:
     remedy: str
 
     def line(self) -> str:
-        """One line: "the values hold cosθo: odds 200 to 1; `convert(undo='cosine-o')`"."""
+        """Return one line: "the values hold cosθo: odds 200 to 1; `convert(undo='cosine-o')`"."""
         return f"{self.words}: odds {_figure(self.odds)} to 1; {self.remedy}"
 
     def record(self) -> dict[str, Any]:
-        """A JSON-able dictionary."""
+        """Return a JSON-able dictionary."""
         return asdict(self)
 
 
@@ -55,7 +55,7 @@ class Check:
         return float(np.clip(odds, -_MOST_LOG_ODDS, _MOST_LOG_ODDS))
 
     def suspicion(self, evidence: Evidence) -> Suspicion | None:
-        """What the samples say, with its odds however small; None where they cannot tell."""
+        """Return what the samples say, with its odds however small; None where they cannot tell."""
         figures = self.figures(evidence)
         if figures is None or not all(np.isfinite(figures)):
             return None

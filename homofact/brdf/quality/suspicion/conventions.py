@@ -31,7 +31,7 @@ POWERS = {
 
 @lru_cache(maxsize=4)
 def exponents(evidence: Evidence) -> tuple[float, float] | None:
-    """(q − p, (p + q)/2) of the module's head; None where too few samples are away from grazing."""
+    """Return (q − p, (p + q)/2) of the module's head; None where too few samples are away from grazing."""
     base = base_of(evidence)
     cos_i, cos_o = evidence.cosines
     inner = (cos_i > _LEAST) & (cos_o > _LEAST) & (evidence.brightness > 0)

@@ -63,7 +63,7 @@ class Evidence:
         return Samples(wi, wo, values, channels=channels, isotropic=True, weights=place + 2)
 
     def with_directions(self, wi: np.ndarray, wo: np.ndarray) -> "Evidence":
-        """The same values at other directions (N, 3)."""
+        """Return the same values at other directions (N, 3)."""
         return Evidence(wi, wo, self.values, self.place)
 
     def __len__(self) -> int:
@@ -108,7 +108,7 @@ class Evidence:
     def fitted(
         self, further: np.ndarray | None = None, logs: np.ndarray | None = None, weight: np.ndarray | None = None
     ) -> SmoothFit:
-        """The fit of the module's head with `further` columns (N, K); of other `logs` or weights where given."""
+        """Return the fit of the module's head with `further` columns (N, K); of other `logs` or weights where given."""
         own, dark = self.logs
         columns = self.basis if further is None else np.column_stack([self.basis, further])
         coefficients, residual, scale = robust_fit(
@@ -118,7 +118,7 @@ class Evidence:
 
 
 def logs_of(brightness: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(logarithms (N,), weights) as the module's head says."""
+    """Return (logarithms (N,), weights) as the module's head says."""
     lit = brightness > 0
     middle = np.median(brightness[lit]) if lit.any() else 1.0
     # Scaled first, so that squares of tiny and of huge values stay numbers.
@@ -142,7 +142,7 @@ def hats(x: np.ndarray, knots: np.ndarray) -> np.ndarray:
 def robust_fit(
     columns: np.ndarray, target: np.ndarray, weight: np.ndarray, ridge: float | np.ndarray = _RIDGE
 ) -> tuple[np.ndarray, np.ndarray, float]:
-    """(coefficients (K,), residuals (N,), their scale) of weighted least squares with Cauchy's weights.
+    """Return (coefficients (K,), residuals (N,), their scale) of weighted least squares with Cauchy's weights.
 
     `ridge` is one for all columns, each in units of its RMS, or one each (K,).
     """

@@ -21,7 +21,7 @@ _FLOOR = 1e-3
 
 
 def gain(evidence: Evidence, other: Evidence) -> Figures:
-    """The logs of the error as it stands over that of `other`, of the module's head.
+    """Return the logs of the error as it stands over that of `other`, of the module's head.
 
     Both fits have terms for a gain over the angle too, so that a cosine too many is no wrong direction.
     """
@@ -34,7 +34,7 @@ def gain(evidence: Evidence, other: Evidence) -> Figures:
 
 
 def odd_columns(evidence: Evidence) -> np.ndarray:
-    """What breaks reciprocity smoothly (N, 4): functions of θi minus the same of θo."""
+    """Return what breaks reciprocity smoothly (N, 4): functions of θi minus the same of θo."""
     theta_i, theta_o = (np.arccos(np.clip(w[:, 2], 0, 1)) / (math.pi / 2) for w in (evidence.wi, evidence.wo))
     cos_i, cos_o = evidence.cosines
     powers = [theta_i**k - theta_o**k for k in (1, 2, 4)]

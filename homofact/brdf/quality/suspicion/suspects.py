@@ -61,7 +61,7 @@ def suspicions(samples: Samples, seed: int = 0) -> list[Suspicion]:
 
 
 def undone_evidence(evidence: Evidence, name: str) -> Evidence:
-    """The evidence without what `name` of `undo.UNDO` says; as it is where nothing is so called."""
+    """Return the evidence without what `name` of `undo.UNDO` says; as it is where nothing is so called."""
     if name not in UNDO:
         return evidence
     samples = UNDO[name].apply(evidence.samples())

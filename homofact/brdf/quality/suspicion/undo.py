@@ -28,7 +28,10 @@ class Undo:
 
 
 def names_in(text: str) -> tuple[str, ...]:
-    """The names in a text with commas, none in an empty one. Raises BadInput for an unknown one (listing all)."""
+    """Return the names in a text with commas, none in an empty one.
+
+    Raises BadInput for an unknown one (listing all).
+    """
     names = tuple(name.strip() for name in text.split(",") if name.strip())
     for name in names:
         _check(name)
@@ -36,7 +39,7 @@ def names_in(text: str) -> tuple[str, ...]:
 
 
 def undone(samples: Samples, names: Sequence[str]) -> Samples:
-    """The samples with all of `names` undone, in that order; provenance["undone"] lists them.
+    """Return the samples with all of `names` undone, in that order; provenance["undone"] lists them.
 
     Raises BadInput for an unknown name (listing all), and where nothing is left.
     """
@@ -55,7 +58,7 @@ def _check(name: str) -> None:
 
 
 def srgb_decoded(values: Tensor) -> Tensor:
-    """Linear values of sRGB-encoded ones (IEC 61966-2-1), the curve carried on above 1."""
+    """Return linear values of sRGB-encoded ones (IEC 61966-2-1), the curve carried on above 1."""
     return torch.where(values <= 0.04045, values / 12.92, ((values.clamp_min(0.04045) + 0.055) / 1.055) ** 2.4)
 
 
