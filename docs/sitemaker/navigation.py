@@ -57,7 +57,7 @@ SECTIONS = (
         "Contribute",
         (
             "contributing/setting", "contributing/reader", "contributing/metric", "contributing/method",
-            "contributing/shader-language",
+            "contributing/shader-language", "contributing/plain_english",
         ),
     ),
     Section("Reference", ("glossary", "commands/index", "api/index", "references", "changes")),

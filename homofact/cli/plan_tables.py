@@ -30,7 +30,7 @@ def choice_table(found: "ScenePlan") -> Table:
             continue
         used = Text(f"{outcome.error:.0%}", "bold" if each.walk.met else "bold red")
         under = f" under {outcome.lighting}" if several and outcome.lighting else ""
-        worst = f"{WORDS[outcome.kind]} {figure(outcome.value)}{under}"
+        worst = f"{WORDS[outcome.kind].removeprefix('error of ')} {figure(outcome.value)}{under}"
         table.add_row(name_of(each), in_words(choice), str(outcome.bytes), str(outcome.fetches), worst, used)
     return table
 

@@ -22,7 +22,7 @@ from homofact.methods.effort import FitBudget, cost_of_solve
 from homofact.methods.materials import Materials
 from homofact.methods.mix import Mix
 
-_FEW = 4000  # samples of a material, copies not counted
+_FEW = 1000  # samples of a material, copies not counted
 # One more texture is taken where it leaves less than this share of the error, and another layout where it leaves less
 # than that: with many samples, and with few.
 _WORTH_A_FETCH, _WORTH_A_FETCH_OF_FEW = 0.97, 0.75

@@ -39,7 +39,7 @@ WORDS: Mapping[str, str] = {
     "delta_e": "mean ΔE",
     "delta_e_p95": "95% quantile of ΔE",
     "delta_e_peak": "largest ΔE",
-    "reflected": "RMS of reflected light",
+    "reflected": "error of reflected light",
     "delta_e_study": "mean ΔE of the study's picture",
 }
 # By `--tolerance`: "visible" keeps what people would grade within `evaluation.opinion.UNSEEN` of identical pictures.

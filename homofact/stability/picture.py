@@ -124,7 +124,7 @@ def _legend() -> list[Patch]:
         Patch(facecolor=_OUTSIDE, label="red corner: true albedo error outside the error bar", **edge),
         Patch(facecolor=_WITHDRAWN, label="grey corner: no error bar stated", **edge),
         Patch(facecolor=_GREY, label="R: refused, with a named error", **edge),
-        Patch(facecolor=_BLACK, label=f"black: silently wrong (over {WRONG:g} times, no word)", **edge),
+        Patch(facecolor=_BLACK, label=f"black: silently wrong (over {WRONG:g} times, no warning)", **edge),
         Patch(facecolor="white", hatch="////", label="×: crashed      – : not for this method", **edge),
     ]
 

@@ -51,7 +51,7 @@ def table(before: tuple[Counter[int], Counter[int]], after: tuple[Counter[int], 
              "| --- | ---: | ---: | ---: | ---: |"]  # fmt: skip
     for number, rule in enumerate(RULES):
         counts = [each[part][number] for part in (0, 1) for each in (before, after)]
-        lines.append(f"| {' '.join(rule['bad'].split())} | {' | '.join(map(str, counts))} |")
+        lines.append(f"| `{' '.join(rule['bad'].replace('`', '').split())}` | {' | '.join(map(str, counts))} |")
     sums = [each[part].total() for part in (0, 1) for each in (before, after)]
     return "\n".join([*lines, f"| all {len(RULES)} rules | {' | '.join(map(str, sums))} |"])
 

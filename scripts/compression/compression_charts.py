@@ -86,9 +86,7 @@ def _table(text: str, columns: Sequence[str], first: str) -> dict[str, dict[str,
     for head, rows in _tables(text):
         if set(columns) <= set(head) and any(row[0] == first for row in rows):
             places = {name: head.index(name) for name in columns[1:]}
-            return {
-                row[0]: {name: float(row[place].split()[0]) for name, place in places.items()} for row in rows
-            }
+            return {row[0]: {name: float(row[place].split()[0]) for name, place in places.items()} for row in rows}
     raise BadInput(where="page", found=f"no table with {', '.join(filter(None, columns))}", expected=f"a row {first!r}")
 
 
@@ -118,8 +116,8 @@ def draw(path: Path, points: Sequence[Point]) -> None:
     for axis in panels[1]:
         log_y(axis, low, high)
     words = (
-        "Medians over the materials, judged by proxies that a method was not fitted to\n(ours, GGX and McCool are fitted"
-        f" to the proxy {OF[0]})"
+        "Medians over the materials, judged by proxies that a method was not fitted to\n"
+        f"(ours, GGX and McCool are fitted to the proxy {OF[0]})"
     )
     chart.suptitle(words, fontsize=10)
     replace_file(path, lambda made: chart.savefig(made, dpi=110, format="png"))

@@ -45,8 +45,10 @@ def draw(path: Path, rows: Iterable[Row]) -> None:
         bound = table.values(names, RAW, BOUND, name)
         if bound:
             axis.axhline(median(bound), color=REST, linewidth=0.8, linestyle=(0, (1, 3)))
-            axis.annotate("bound: measurement made reciprocal", (0.01, median(bound)), xycoords=axis.get_yaxis_transform(), xytext=(0, 3),
-                          textcoords="offset points", fontsize=8, color=REST)  # fmt: skip
+            axis.annotate(
+                "bound: measurement made reciprocal", (0.01, median(bound)), xycoords=axis.get_yaxis_transform(),
+                xytext=(0, 3), textcoords="offset points", fontsize=8, color=REST,
+            )  # fmt: skip
         axis.set_xscale("log")
         axis.set_xlabel("bytes per material")
         axis.set_ylabel(words)

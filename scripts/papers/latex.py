@@ -50,7 +50,8 @@ def booktabs(head: Sequence[str], rows: Iterable[Sequence[str] | None], text_col
     the head.
     """
     columns = "l" * text_columns + "r" * (len(head) - text_columns)
-    lines = [rf"\begin{{tabular}}{{@{{}}{columns}@{{}}}}", r"\toprule", " & ".join(map(capitalized, head)) + r" \\", r"\midrule"]
+    heads = " & ".join(map(capitalized, head)) + r" \\"
+    lines = [rf"\begin{{tabular}}{{@{{}}{columns}@{{}}}}", r"\toprule", heads, r"\midrule"]
     for row in rows:
         if row is not None and len(row) != len(head):
             raise ValueError(f"a row of {len(row)} cells under a head of {len(head)}: {row}")

@@ -77,7 +77,7 @@ def test_factorize_prints_a_summary_of_80_columns(
     assert "converged" in ran.out
     assert str(tmp_path / "o" / "compare.png") in ran.out
     # What was made and the verdict come first, then the evidence, and last what to do.
-    parts = ["1 texture of 6²", "Verdict: ", "The picture: ", "Error (", "Cost", "Figures of the verdict: ", "Try next: "]
+    parts = ("1 texture of 6²", "Verdict:", "The picture:", "Error (", "Cost", "Figures of the verdict:", "Try next:")
     places = [ran.out.index(part) for part in parts]
     assert places == sorted(places)
     assert all(len(line) <= 80 for line in ran.out.splitlines() if str(tmp_path) not in line)

@@ -133,7 +133,9 @@ def test_a_bar_that_says_nothing_is_withdrawn() -> None:
     assert ErrorBar.of(bar.record()) == bar
 
 
-@pytest.mark.parametrize(("error", "words"), [(0.0, "0.1%"), (0.004, "0.4%"), (0.052, "5%"), (0.4, "40%"), (2.0, "a factor of 3")])
+@pytest.mark.parametrize(
+    ("error", "words"), [(0.0, "0.1%"), (0.004, "0.4%"), (0.052, "5%"), (0.4, "40%"), (2.0, "a factor of 3")]
+)
 def test_an_error_in_words(error: float, words: str) -> None:
     assert percent(error) == words
 

@@ -121,12 +121,12 @@ def test_a_texture_that_earns_nothing_is_not_stored() -> None:
 
 
 @pytest.mark.parametrize(
-    ("measured", "error", "taken"), [(4000, 0.96, 2), (4000, 0.98, 1), (3999, 0.74, 2), (3999, 0.76, 1)]
+    ("measured", "error", "taken"), [(1000, 0.96, 2), (1000, 0.98, 1), (999, 0.74, 2), (999, 0.76, 1)]
 )
 def test_one_more_texture_has_to_be_worth_its_fetch(
     monkeypatch: pytest.MonkeyPatch, measured: int, error: float, taken: int
 ) -> None:
-    """Error of the second mix over the first's: 3% less is the least that counts, 25% of fewer than 4,000 samples."""
+    """Error of the second mix over the first's: 3% less is the least that counts, 25% of fewer than 1,000 samples."""
     first = Mix(("theta_h",), (fixed_projection("theta_h", True),), (1e-3,))
     second = first.with_one_more("theta_d", fixed_projection("theta_d", True))
     monkeypatch.setattr(shapes._Judge, "error", lambda self, mix, _: 1.0 if mix is first else error)
@@ -136,7 +136,7 @@ def test_one_more_texture_has_to_be_worth_its_fetch(
     assert spent.errors == (1.0, error)
 
 
-@pytest.mark.parametrize(("measured", "folds"), [(3999, None), (4000, 1)])
+@pytest.mark.parametrize(("measured", "folds"), [(999, None), (1000, 1)])
 def test_every_fold_of_few_samples_is_left_out(measured: int, folds: int | None) -> None:
     mix = Mix(("theta_h",), (fixed_projection("theta_h", True),), (1e-3,))
     materials = Mock()

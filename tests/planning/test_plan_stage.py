@@ -166,6 +166,6 @@ def test_a_tolerance_is_used_by_its_worst_kind_with_the_margin() -> None:
     used = tolerance.used(Errors(delta_e=1.0, reflected=0.09))
     assert (used.kind, used.error) == ("reflected", 0.09)
     assert used.ratio == pytest.approx(0.9 * MARGINS["reflected"])
-    assert tolerance.describe() == "mean ΔE at most 2 and RMS of reflected light at most 0.1"
+    assert tolerance.describe() == "mean ΔE at most 2 and error of reflected light at most 0.1"
     assert not Tolerance.of(cole=0.1).of_light
     assert set(MARGINS) == set(KINDS) == set(WORDS)
