@@ -13,6 +13,7 @@ import math
 import sys
 from dataclasses import dataclass
 from statistics import median
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -35,7 +36,7 @@ _PIGMENT = CookTorrance((0.1, 0.37, 0.09), (1.0, 1.0, 1.0), 0.12, 0.05)
 MATERIALS = ("pigment", "lafortune-blue-paint", "cook-torrance-plastic", "phong-30", "car-paint-red")
 ROWS = (150, 300, 600, 1200)
 LAYOUTS = ("rings", "random")
-METHODS = {
+METHODS: dict[str, dict[str, Any]] = {
     "--bytes 3072": {"bytes": 3072},
     "--textures 1 --size 16": {"textures": 1, "size": 16},
     "--bytes 6144": {"bytes": 6144},
