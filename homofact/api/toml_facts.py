@@ -10,13 +10,13 @@ from homofact.files.reading import read_toml
 from homofact.settings.kinds import CONFIGURATION, EDITING, PLANNING, RELIGHTING, SWEEP, kinds_of
 
 SUFFIX = ".toml"
-# Shell commands by kind; {file} is the place of the file.
-COMMANDS: Mapping[str, str] = {
-    CONFIGURATION: "homofact factorize --config {file}",
-    SWEEP: "homofact sweep {file} --out FOLDER",
-    PLANNING: "homofact plan {file}",
-    RELIGHTING: "homofact relight {file} --out FOLDER",
-    EDITING: "homofact edit {file} --out FOLDER",
+# The command that reads each kind.
+READERS: Mapping[str, str] = {
+    CONFIGURATION: "factorize",
+    SWEEP: "sweep",
+    PLANNING: "plan",
+    RELIGHTING: "relight",
+    EDITING: "edit",
 }
 
 
@@ -31,18 +31,17 @@ def toml_facts(place: Path) -> tuple[str, dict[str, Any], dict[str, Any]] | None
     kinds = sorted(kinds_of(table), reverse=True)
     if not kinds:
         found = ", ".join(map(repr, list(table)[:5])) or "no keys"
-        raise BadInput(where=place, found=found, expected=f"the keys of {', '.join(COMMANDS)}")
-    commands = [_command(kind, table).format(file=place) for kind in kinds]
+        raise BadInput(where=place, found=found, expected=f"the keys of {', '.join(READERS)}")
+    readers = [_reader(kind, table) for kind in kinds]
     if RELIGHTING in kinds and "tolerance" in table:
-        commands.insert(0, COMMANDS[PLANNING].format(file=place))
-    kind, parts = " or ".join(kinds), {name: _words(value) for name, value in table.items()}
-    facts = {"kind": kind, "read_by": commands}
-    return place.name, facts | parts, {"file": str(place), **facts}
+        readers.insert(0, READERS[PLANNING])
+    facts = {"kind": " or ".join(kinds), "read_by": readers}
+    return place.name, facts | {name: _words(value) for name, value in table.items()}, {"file": str(place), **facts}
 
 
-def _command(kind: str, table: Mapping[str, Any]) -> str:
-    """The shell command for a kind; a configuration with sources to compare is read by `compare`."""
-    return "homofact compare --config {file}" if kind == CONFIGURATION and "compare" in table else COMMANDS[kind]
+def _reader(kind: str, table: Mapping[str, Any]) -> str:
+    """The command that reads a kind; `compare` reads a configuration with sources to compare."""
+    return "compare" if kind == CONFIGURATION and "compare" in table else READERS[kind]
 
 
 def _words(value: Any) -> Any:

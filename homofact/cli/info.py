@@ -15,6 +15,16 @@ from homofact.cli.tables import facts_table
 if TYPE_CHECKING:
     from homofact.config import Config
 
+# How a command is given a TOML file.
+_READING = {
+    "factorize": "factorize --config {file}",
+    "compare": "compare --config {file}",
+    "sweep": "sweep {file} --out FOLDER",
+    "plan": "plan {file}",
+    "relight": "relight {file} --out FOLDER",
+    "edit": "edit {file} --out FOLDER",
+}
+
 
 @o.configured("source.path", "source", "seed", but=("source.subset",))
 def info(
@@ -47,7 +57,11 @@ def info(
 
     with screen.progress() as progress:
         found = info(source_of(settings), plot=drawing, seed=settings.seed, progress=progress)
-    screen.show(facts_table(found.name, found.rows), *map(Text, found.mended))
+    rows = found.rows
+    if "read_by" in found.facts:
+        commands = [f"homofact {_READING[name].format(file=found.facts['file'])}" for name in found.facts["read_by"]]
+        rows = rows | {"read_by": commands}
+    screen.show(facts_table(found.name, rows), *map(Text, found.mended))
     if found.suspected:
         lines = [f"- {suspicion.line()}" for suspicion in found.suspected]
         screen.show("Suspected, with the odds against the data as they stand:", *lines)

@@ -60,8 +60,8 @@ def _head(atlas: Atlas, link: str) -> str:
 Read this page before you fit difficult data. It shows which properties of a measurement damage which method, whether
 homofact warns, and what you can do. Find your problem in the table and follow its link to the cause and the remedy.
 
-`homofact research stability` repeats these tests; `--stressors zeros,outliers` and `--methods search,cole` select
-some. It writes every fit to `atlas.csv` and draws the pictures below.
+`homofact research stability` repeats these tests, or those of some stressors and methods. It writes every fit to
+`atlas.csv` and draws the pictures below.
 
 ## Which data damage which method
 

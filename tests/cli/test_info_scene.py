@@ -113,15 +113,18 @@ COMMANDS = {
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_a_toml_file_is_told_by_the_commands_that_read_it(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_toml_file_is_told_by_the_commands_that_read_it(
+    name: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     place = CONFIGS / name
     kind, commands = COMMANDS[name]
     assert main(["info", str(place), "--json"]) == 0
-    expected = [f"homofact {command.format(place)}" for command in commands]
-    assert json.loads(capsys.readouterr().out) == {"file": str(place), "kind": kind, "read_by": expected}
+    readers = [command.split()[0] for command in commands]
+    assert json.loads(capsys.readouterr().out) == {"file": str(place), "kind": kind, "read_by": readers}
+    monkeypatch.setenv("COLUMNS", "300")
     assert main(["info", str(place)]) == 0
     said = " ".join(capsys.readouterr().out.split())
-    assert f"kind {kind} read by homofact" in said
+    assert f"kind {kind} read by {' '.join(f'homofact {command.format(place)}' for command in commands)}" in said
 
 
 def test_what_a_toml_file_has_is_counted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
