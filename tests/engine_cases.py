@@ -1,9 +1,11 @@
 """What the tests of exports for engines share: exported fits, packages of npm, the scripts that draw."""
 
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import torch
 from browser import headless
@@ -17,13 +19,17 @@ from homofact.exporting.engine_light import EngineLight
 from homofact.exporting.engines import godot, materialx, three
 from homofact.exporting.engines.table import ENGINES
 from homofact.exporting.exported import Exported, exported, write_exported
+from homofact.exporting.prefiltered import PrefilteredExport, in_halves
 from homofact.factor.factorization import Factorization
 from homofact.factor.projection import Warp, fixed_projection
 from homofact.rendering.chain_kernels import ChainKernels
-from homofact.rendering.prefilter import LevelTable
+from homofact.rendering.light import EnvironmentMap
+from homofact.rendering.prefilter import LevelTable, Prefiltered
+from homofact.rendering.sky_chain import chain_of
 
 served = headless.served
 NODE = Path(__file__).parent / "containers" / "node"
+SIDE = 64  # texels of the faces of a filtered sky
 LOOK = MetallicRoughness((0.4, 0.3, 0.2), 0.25, 0.5)
 
 
@@ -72,9 +78,23 @@ def brushed() -> Factorization:
     )
 
 
-def engine_folder(place: Path, fit: Factorization, engine: str, form: str | None = None) -> Exported:
-    """An export with an engine's files at `place`."""
+def combed() -> Factorization:
+    """A wide lobe, twice as long one way as the other."""
+    y, x = torch.meshgrid(torch.linspace(-1, 1, 31), torch.linspace(-1, 1, 31), indexing="ij")
+    lobe = 3.0 * (-((x / 0.3) ** 2) - (y / 0.15) ** 2).exp().to(torch.float64)[..., None]
+    return factorization((fixed_projection("h", True), lobe + lobe.new_tensor((0.1, 0.0, -0.1))))
+
+
+def engine_folder(
+    place: Path, fit: Factorization, engine: str, form: str | None = None, sky: EnvironmentMap | None = None
+) -> Exported:
+    """An export with an engine's files at `place`; under a `sky`, filtered into small faces, by a table made up."""
     made = exported(fit, format_named(form or ENGINES[engine].formats[0]))
+    if sky is not None:
+        chain = in_halves(chain_of(sky, SIDE))
+        table = light_of(made.stored, chain.kernels).table.rounded(np.float16)
+        data = Prefiltered(replace(table, factor=chain.factor), chain)
+        made = replace(made, prefiltered=PrefilteredExport(data, format_named("exr16"), False, 0.02))
     write_exported(place, made, {}, engine=engine, files=ENGINES[engine].add(made).files)
     return made
 

@@ -165,11 +165,16 @@ def write_sky(path: Path, sky: Sequence[Tensor]) -> None:
 
     Raises BadInput as those do.
     """
-    levels = [np.concatenate((level, np.ones_like(level[..., :1])), -1) for level in (faces.numpy() for faces in sky)]
+    levels = with_alpha(sky)
     if path.suffix == ".dds":
         write_dds_cube(path, levels)
     else:
         write_ktx2_cube(path, levels, {"KTXorientation": "rd", "KTXwriter": f"homofact {__version__}"})
+
+
+def with_alpha(sky: Sequence[Tensor]) -> list[np.ndarray]:
+    """Return levels (6, N, N, 3) as (6, N, N, 4), alpha 1."""
+    return [np.concatenate((level, np.ones_like(level[..., :1])), -1) for level in (faces.numpy() for faces in sky)]
 
 
 def relative_rms(data: Prefiltered, fitted: Fitted, light: EnvironmentMap) -> float:

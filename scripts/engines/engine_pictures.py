@@ -5,7 +5,7 @@
 With `--sky` the spheres are under that lat-long map instead of the lamp, and ours are integrated without noise.
 
 A row each for a satin paint of the RGL database (Dupuy and Jakob 2018) and for Ward's brushed aluminium (Ward 1992),
-fitted with three textures of 32². Every engine gets what `homofact export --engine` writes. The table says how far an
+fitted with three textures of 32². Every engine gets what `homofact export --engine` writes, Godot under a sky what it writes with `--prefilter`. The table says how far an
 engine's linear pixels are from our renderer's of the same stored texels, but for the silhouette; below it stands what
 the exports need on a GPU. Mitsuba gets the fit itself, by our plugin. Needed are packages of npm (`npm ci --prefix
 tests/containers/node`), Debian's chromium, chromium-driver and xvfb, MaterialX and Mitsuba
@@ -15,6 +15,7 @@ tests/containers/node`), Debian's chromium, chromium-driver and xvfb, MaterialX 
 import sys
 import tempfile
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +31,7 @@ from homofact.exporting.engines.base import Added
 from homofact.exporting.engines.gltf import NAME as LOOK_ALIKE
 from homofact.exporting.engines.table import ENGINES
 from homofact.exporting.exported import Exported, exported, write_exported
+from homofact.exporting.prefiltered import prefiltered_export
 from homofact.methods.search import Search
 from homofact.rendering.environment import read_environment
 from homofact.rendering.filtered import draw_sphere
@@ -79,6 +81,9 @@ def drawn(
     for name in DRAWN:
         engine = ENGINES[name]
         made[name] = exported(fit, format_named(engine.formats[0]))
+        if name == "godot" and sky is not None:
+            each = made[name]
+            made[name] = replace(each, prefiltered=prefiltered_export(each.stored, sky, each.format))
         added[name] = engine.add(made[name])
         write_exported(place / name, made[name], {}, engine=name, files=added[name].files)
     fit.save(place / "fit.npz")
