@@ -31,6 +31,8 @@ export const textures = DATA.textures.map(texture);
 export const glsl = DATA.glsl;
 // homofact_light_reflected(n, wo), which environments are reflected by, and how far off a sphere is under three skies.
 export const light = { glsl: DATA.light.glsl, errors: DATA.light.errors };
+// Whether the fit has a grain, which needs tangents.
+export const anisotropic = DATA.anisotropic;
 // What a three of other environments shows in its place.
 export const lookalike = DATA.lookalike;
 

@@ -34,13 +34,15 @@ KERNELS = ggx_kernels(tuple(1 - math.sqrt(1 - k / (LEVELS - 1)) for k in range(L
 
 def _files(made: Exported) -> Added:
     check_colour(made, "three")
-    look = fit_metallic_roughness(made.stored, knows_no_azimuth(made.stored), extensions=False)
+    isotropic = knows_no_azimuth(made.stored)
+    look = fit_metallic_roughness(made.stored, isotropic, extensions=False)
     colour = look.base_colour if len(look.base_colour) == 3 else look.base_colour * 3
     light = engine_light(made.stored, KERNELS)
     frame = "frame[2]" if light.table.across is None else "frame[2], frame[0], frame[1]"
     data = {
         "textures": [_texture(rgba(texture), _KINDS[texture.storage]) for texture in made.textures],
         "glsl": shader(made.program, GLSL),
+        "anisotropic": not isotropic,
         "light": {
             "table": _texture(light.texels, "half"),
             "glsl": light.code(THREE_SKY),
