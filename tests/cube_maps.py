@@ -1,5 +1,7 @@
 """Readers of the cube maps that exports write, for their tests: halves, levels largest first."""
 
+import base64
+import re
 import struct
 from pathlib import Path
 
@@ -44,3 +46,25 @@ def ktx2_key_values(path: Path) -> dict[str, str]:
         found[key.decode()] = value.removesuffix(b"\0").decode()
         at += 4 + size + -size % 4
     return found
+
+
+def read_godot_cubemap(text: str) -> list[np.ndarray]:
+    """The levels (6, N, N, 4) float16 of a Cubemap of Godot, all down to one texel where it has mipmaps."""
+    assert text.startswith('[gd_resource type="Cubemap" load_steps=7 format=4]\n')
+    assert text.endswith("[resource]\n_images = [" + ", ".join(f'SubResource("{k}")' for k in range(6)) + "]\n")
+    image = re.compile(
+        r'\[sub_resource type="Image" id="(\d)"\]\ndata = \{\n"data": PackedByteArray\("([^"]*)"\),\n'
+        r'"format": "RGBAHalf",\n"height": (\d+),\n"mipmaps": (true|false),\n"width": (\d+)\n\}\n'
+    )
+    images = image.findall(text)
+    assert [face for face, *_ in images] == list("012345")
+    levels: list[list[np.ndarray]] = []
+    for _, texels, rows, mipmaps, columns in images:
+        assert rows == columns
+        data, side, faces = base64.b64decode(texels, validate=True), int(rows), []
+        while side:
+            faces.append(np.frombuffer(data[: 8 * side * side], "<f2").reshape(side, side, 4))
+            data, side = data[8 * side * side :], side // 2 if mipmaps == "true" else 0
+        assert data == b""
+        levels.append(faces)
+    return [np.stack(each) for each in zip(*levels, strict=True)]

@@ -19,17 +19,15 @@ from homofact.exporting.engine_light import EngineLight
 from homofact.exporting.engines import godot, materialx, three
 from homofact.exporting.engines.table import ENGINES
 from homofact.exporting.exported import Exported, exported, write_exported
-from homofact.exporting.prefiltered import PrefilteredExport, in_halves
+from homofact.exporting.prefiltered import PrefilteredExport
 from homofact.factor.factorization import Factorization
 from homofact.factor.projection import Warp, fixed_projection
 from homofact.rendering.chain_kernels import ChainKernels
-from homofact.rendering.light import EnvironmentMap
 from homofact.rendering.prefilter import LevelTable, Prefiltered
-from homofact.rendering.sky_chain import chain_of
+from homofact.rendering.sky_chain import SkyChain
 
 served = headless.served
 NODE = Path(__file__).parent / "containers" / "node"
-SIDE = 64  # texels of the faces of a filtered sky
 LOOK = MetallicRoughness((0.4, 0.3, 0.2), 0.25, 0.5)
 
 
@@ -85,16 +83,19 @@ def combed() -> Factorization:
     return factorization((fixed_projection("h", True), lobe + lobe.new_tensor((0.1, 0.0, -0.1))))
 
 
+def under(made: Exported, chain: SkyChain) -> Exported:
+    """With a filtered sky, and a table made up."""
+    table = light_of(made.stored, chain.kernels).table.rounded(np.float16)
+    data = Prefiltered(replace(table, factor=chain.factor), chain)
+    return replace(made, prefiltered=PrefilteredExport(data, format_named("exr16"), False, 0.02))
+
+
 def engine_folder(
-    place: Path, fit: Factorization, engine: str, form: str | None = None, sky: EnvironmentMap | None = None
+    place: Path, fit: Factorization, engine: str, form: str | None = None, chain: SkyChain | None = None
 ) -> Exported:
-    """An export with an engine's files at `place`; under a `sky`, filtered into small faces, by a table made up."""
+    """An export with an engine's files at `place`; with a `chain` as by `under`."""
     made = exported(fit, format_named(form or ENGINES[engine].formats[0]))
-    if sky is not None:
-        chain = in_halves(chain_of(sky, SIDE))
-        table = light_of(made.stored, chain.kernels).table.rounded(np.float16)
-        data = Prefiltered(replace(table, factor=chain.factor), chain)
-        made = replace(made, prefiltered=PrefilteredExport(data, format_named("exr16"), False, 0.02))
+    made = made if chain is None else under(made, chain)
     write_exported(place, made, {}, engine=engine, files=ENGINES[engine].add(made).files)
     return made
 

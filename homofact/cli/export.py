@@ -52,7 +52,7 @@ def export(
         typer.Option(
             metavar="SKY",
             help="Also filter this latitude-longitude .hdr or .exr: writes a cube map that all materials share, and a"
-            " table and shaders of this material.",
+            " table and shaders of this material. With --engine godot, the material reflects this sky.",
             show_default=False,
         ),
     ] = None,

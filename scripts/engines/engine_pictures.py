@@ -5,11 +5,11 @@
 With `--sky` the spheres are under that lat-long map instead of the lamp, and ours are integrated without noise.
 
 A row each for a satin paint of the RGL database (Dupuy and Jakob 2018) and for Ward's brushed aluminium (Ward 1992),
-fitted with three textures of 32². Every engine gets what `homofact export --engine` writes, Godot under a sky what it writes with `--prefilter`. The table says how far an
-engine's linear pixels are from our renderer's of the same stored texels, but for the silhouette; below it stands what
-the exports need on a GPU. Mitsuba gets the fit itself, by our plugin. Needed are packages of npm (`npm ci --prefix
-tests/containers/node`), Debian's chromium, chromium-driver and xvfb, MaterialX and Mitsuba
-(`pip install 'homofact[materialx,mitsuba]'`).
+fitted with three textures of 32². Every engine gets what `homofact export --engine` writes; for Godot under a sky that
+is with `--prefilter`. The table says how far an engine's linear pixels are from our renderer's of the same stored
+texels, but for the silhouette; below it stands what the exports need on a GPU. Mitsuba gets the fit itself, by our
+plugin. Needed are packages of npm (`npm ci --prefix tests/containers/node`), Debian's chromium, chromium-driver and
+xvfb, MaterialX and Mitsuba (`pip install 'homofact[materialx,mitsuba]'`).
 """
 
 import sys

@@ -1,8 +1,8 @@
 """A material for Godot 4 in a folder to copy into a project: a spatial shader whose `light()` is the fit, its textures.
 
-With a prefiltered sky, `fragment()` reads the chain by the material's own table (`rendering.prefilter`) and emits what the
-fit reflects; the engine's own ambient light is off. Else the sky is reflected by the look-alike. Godot can load cube maps
-with levels of one's own only as resources of its own (`containers.godot_cubemap`).
+With a prefiltered sky, `fragment()` reads the chain by the material's own table (`rendering.prefilter`) and emits what
+the fit reflects; the engine's own ambient light is off. Otherwise the look-alike reflects the sky. The chain is a
+resource of Godot's own (`containers.godot_cubemap`): its importer of images makes the levels of a cube map itself.
 
 Godot's editor reads how to import a file from the .import beside it, and adds what is missing there. Without one it
 would compress the texels (BC6H, which has no negative numbers) as soon as it sees them used in 3D, and take brdf.glsl
@@ -27,14 +27,11 @@ from homofact.version import __version__
 
 NAME, MATERIAL = "brdf.gdshader", "brdf.tres"
 SKY, LIT = "prefiltered_sky.tres", "prefiltered_irradiance.tres"
-_LOOK = (
-    "Sky and ambient light are reflected by ALBEDO,\n// METALLIC and ROUGHNESS, the metallic-roughness material that looks"
-    " most like the fit."
-)
-_FIT = (
-    "One sky is reflected by the fit, as EMISSION.\n// Godot's own ambient light, reflection probes and lightmaps are off;"
-    " ALBEDO, METALLIC and ROUGHNESS, the\n// metallic-roughness material that looks most like the fit, serve bounced light."
-)
+_LOOK = """Sky and ambient light are reflected by ALBEDO,
+// METALLIC and ROUGHNESS, the metallic-roughness material that looks most like the fit."""
+_FIT = """One sky is reflected by the fit, as EMISSION.
+// Godot's own ambient light, reflection probes and lightmaps are off. ALBEDO, METALLIC and ROUGHNESS serve bounced
+// light: the metallic-roughness material that looks most like the fit."""
 # compress/mode 3 is "VRAM uncompressed", what "lossless" becomes for floats.
 TEXTURE = """[remap]
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -12,18 +13,18 @@ from browser import browser
 from engine_cases import LOOK, brushed, combed, engine_folder, fit_no_looks, isotropic, light_of, script
 
 from homofact.brdf.reflectance import Reflectance
-from homofact.errors import MissingDependency
 from homofact.containers.formats import format_named
+from homofact.errors import MissingDependency
 from homofact.exporting.engines import materialx, three
 from homofact.exporting.engines.table import ENGINES
 from homofact.exporting.exported import exported, write_exported
-from homofact.exporting.prefiltered import picture, prefiltered_export
+from homofact.exporting.prefiltered import in_halves, picture, prefiltered_export
 from homofact.factor.factorization import Factorization
 from homofact.rendering.chain_kernels import ChainKernels
 from homofact.rendering.filtered import render_filtered
 from homofact.rendering.light import DEFAULT_LIGHT, DirectionalLight, EnvironmentMap
 from homofact.rendering.prefilter import Prefiltered
-from homofact.rendering.sky_chain import FilteredSky
+from homofact.rendering.sky_chain import FilteredSky, SkyChain, chain_of
 from homofact.rendering.sphere import render_sphere
 from homofact.rendering.surface import RADIUS, seen_surface
 
@@ -70,6 +71,12 @@ def sky(rows: int = 64) -> EnvironmentMap:
     ):  # fmt: skip
         radiance += np.exp(width * (towards @ np.array(place) - 1))[..., None] * np.array(colour)
     return EnvironmentMap(torch.from_numpy(radiance), turn=np.pi / 4)
+
+
+@cache
+def filtered() -> SkyChain:
+    """`sky` as an export stores it, of small faces."""
+    return in_halves(chain_of(sky(), 64))
 
 
 # With `flip` images are loaded from the bottom up, as some renderers do: random texels show it.
@@ -129,7 +136,7 @@ def test_godot_draws_what_we_draw(driver: Any, tmp_path: Path, fit: Factorizatio
 @pytest.mark.parametrize("fit", [isotropic(), brushed()], ids=["isotropic", "brushed"])
 def test_godot_reads_the_filtered_sky_as_the_table_says(driver: Any, tmp_path: Path, fit: Factorization) -> None:
     """Beside lamps, and whatever sky and ambient light the scene has."""
-    made = engine_folder(tmp_path / "fit", fit, "godot", sky=sky())
+    made = engine_folder(tmp_path / "fit", fit, "godot", chain=filtered())
     assert made.prefiltered is not None
     expected = picture(made.prefiltered.data, SIZE).radiance + render_sphere(made.stored, LIGHTS, SIZE).radiance
     found = drawn(
@@ -186,7 +193,7 @@ def test_godot_turns_its_background_so(driver: Any, tmp_path: Path) -> None:
 
 
 def test_godot_turns_the_filtered_sky_like_its_background(driver: Any, tmp_path: Path) -> None:
-    made = engine_folder(tmp_path / "fit", brushed(), "godot", sky=sky())
+    made = engine_folder(tmp_path / "fit", brushed(), "godot", chain=filtered())
     assert made.prefiltered is not None
     draw = script("engines.draw_godot").godot_sphere
     found = drawn(draw, driver, tmp_path / "page", tmp_path / "fit", SIZE, RADIUS, rotation=TURNED)

@@ -1,4 +1,4 @@
-"""The example page of the three.js folder with glTF models and panoramas of one's own, in a browser with the real three."""
+"""The example page of the three.js folder with glTF models and panoramas, in a browser with the real three."""
 
 import json
 import struct
@@ -56,7 +56,7 @@ def ball(middle: float, tangents: bool) -> dict[str, np.ndarray]:
     n = np.stack((-np.cos(theta), np.sin(theta) * np.sin(phi), np.sin(theta) * np.cos(phi)), 1)
     first = (np.arange(128)[:, None] * 257 + np.arange(256)).ravel()
     made = {
-        "POSITION": (n + (middle, 0, 0)).astype("<f4"),
+        "POSITION": (n + np.array((middle, 0, 0))).astype("<f4"),
         "NORMAL": n.astype("<f4"),
         "TEXCOORD_0": np.stack((columns.ravel(), rows.ravel()), 1).astype("<f4"),
         "indices": np.stack((first, first + 257, first + 1, first + 1, first + 257, first + 258), 1).astype("<u4"),
@@ -94,14 +94,14 @@ def glb(place: Path, tangents: bool = False) -> None:
     }  # fmt: skip
     text = json.dumps(scene).encode()
     text += b" " * (-len(text) % 4)
-    head = struct.pack("<4sII", b"glTF", 2, 28 + len(text) + len(data))
-    place.write_bytes(head + struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(data), b"BIN\0") + data)
+    head = struct.pack("<4sIII4s", b"glTF", 2, 28 + len(text) + len(data), len(text), b"JSON")
+    place.write_bytes(head + text + struct.pack("<I4s", len(data), b"BIN\0") + data)
 
 
 def sky() -> EnvironmentMap:
     """Two glows without any symmetry, as three places the middle of a panorama: towards +x."""
-    rows = 64
-    theta, phi = np.meshgrid((np.arange(rows) + 0.5) / rows * np.pi, (np.arange(2 * rows) + 0.5) / rows * np.pi, indexing="ij")
+    ticks = (np.arange(128) + 0.5) / 64 * np.pi
+    theta, phi = np.meshgrid(ticks[:64], ticks, indexing="ij")
     glow = np.exp(3 * (np.sin(theta) * np.cos(phi - 1.2) - 1)), np.exp(8 * (np.cos(theta - 0.7) - 1))
     radiance = 0.1 + glow[0][..., None] * (2.0, 1.0, 0.5) + glow[1][..., None] * (0.2, 0.6, 1.5)
     return EnvironmentMap(torch.from_numpy(radiance), turn=-np.pi / 2)
