@@ -102,6 +102,8 @@ def test_a_filtered_sky_is_in_the_material_as_the_chain_has_it(tmp_path: Path) -
     (lit,) = read_godot_cubemap((tmp_path / "fit" / "prefiltered_irradiance.tres").read_text(encoding="utf-8"))
     np.testing.assert_array_equal(lit[..., :3], light.data.sky.irradiance.numpy())
     assert "render_mode ambient_light_disabled;" in shader
+    # A grain needs the tangent in the sky's frame.
+    assert shader.index("vec3 t = homofact_in_sky(") < shader.index("homofact_light_reflected(n, t, cross(n, t), wo)")
     assert "2.0%" in (tmp_path / "fit" / "README.md").read_text(encoding="utf-8")
 
 
