@@ -1,11 +1,13 @@
 """Compare the split sum of prefiltered skies with the exact integration: a table, and pictures of spheres.
 
-    python scripts/engines/split_sum_errors.py [--data FOLDER] [--effort quick] [--three] [--picture PLACE.png]
+    python scripts/engines/split_sum_errors.py [--data FOLDER] [--effort quick] [--three] [--shape knot]
+        [--picture PLACE.png] [--materials NAME ...]
 
 Relative RMS of a sphere's picture of 96² pixels against `render_filtered` of the same fit, three textures of 32². "own
 chain" is what `homofact export --prefilter` writes; "GGX, 3 lobes" what the export for three.js reads of three's own
 chain, whose kernels are integrated here; with `--three` the pixels of three itself, in a headless Chromium, stand
-beside them, and those of its look-alike. No table was fitted to a sky.
+beside them. No table was fitted to a sky. `--shape knot` measures over the pixels of a torus knot instead
+(`scripts/engines/knot.py`).
 """
 
 import sys
@@ -31,7 +33,7 @@ from homofact.rendering.environment import read_environment
 from homofact.rendering.filtered import render_filtered
 from homofact.rendering.light import EnvironmentMap
 from homofact.rendering.made_skies import MADE_SKIES, made_sky
-from homofact.rendering.prefilter import prefiltered
+from homofact.rendering.prefilter import Prefiltered, prefiltered
 from homofact.rendering.sky_chain import FilteredSky, chain_of, own_kernels
 from homofact.rendering.sphere import SphereImage
 from homofact.rendering.split_sum import response_of
@@ -39,6 +41,7 @@ from homofact.rendering.surface import RADIUS, seen_surface
 from homofact.rendering.tonemap import choose_exposure, tonemap
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+from scripts.engines.knot import Knot
 from scripts.shared.harness import add_effort, data_folder, figure, finish, markdown, parser_of
 
 NAMED = ("lafortune-blue-paint", "phong-30", "ward-brushed")
@@ -65,6 +68,11 @@ def by_three(fitted: Fitted, lights: Sequence[EnvironmentMap]) -> list[SphereIma
     return shown
 
 
+def shown(data: Prefiltered, knot: Knot | None) -> SphereImage:
+    """The sphere or the knot by the split sum."""
+    return picture(data, SIZE) if knot is None else knot.by_split_sum(data)
+
+
 def drawn(path: Path, rows: list[tuple[str, SphereImage, SphereImage]]) -> None:
     """Each material's exact sphere, the split sum's, and the difference, in one exposure."""
     page = Figure(figsize=(6.6, 2.3 * len(rows)), dpi=110, facecolor="white")
@@ -86,8 +94,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = parser_of(__doc__, "data", "out")
     parser.add_argument("--picture", type=Path, help="spheres under the last environment")
     parser.add_argument("--three", action="store_true", help="draw by three.js too")
+    parser.add_argument("--shape", choices=("sphere", "knot"), default="sphere", help="what is drawn")
+    parser.add_argument("--materials", nargs="+", choices=(*NAMED, *RGL), help="these alone")
     add_effort(parser, "quick")
     options = parser.parse_args(arguments)
+    if options.three and options.shape != "sphere":
+        parser.error("--three draws spheres only")
+    knot = None if options.shape == "sphere" else Knot.of(SIZE)
     folder = data_folder(options.data)
     places = {name: f"material:{name}" for name in NAMED}
     files = {name: folder / "rgl" / f"{name}_rgb.bsdf" for name in RGL}
@@ -96,9 +109,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if not file.is_file():
             print(f"skipped {file.stem}: no {file} (--data FOLDER or HOMOFACT_DATA names it)", file=sys.stderr)
     places |= {name: str(file) for name, file in files.items() if file.is_file()}
+    places = {name: place for name, place in places.items() if name in (options.materials or places)}
     lights = [read_environment(file) for file in skies if file.is_file()] + [made_sky(name) for name in MADE_SKIES]
     if options.short:
-        places, lights = {NAMED[1]: places[NAMED[1]]}, lights[-2:-1]
+        places, lights = {NAMED[1]: f"material:{NAMED[1]}"}, lights[-2:-1]
     effort, size = (1.0, 8) if options.short else (options.effort, 32)
     side = 64 if options.short else SIDE
     lobes = 1 if options.short else LOBES
@@ -113,10 +127,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         drawn_by_three = by_three(fitted, lights) if options.three else [None] * len(lights)
         seen, errors = [], []
         for light, three in zip(lights, drawn_by_three, strict=True):
-            exact = render_filtered(fitted, light, SIZE)
+            exact = render_filtered(fitted, light, SIZE) if knot is None else knot.exact(fitted, light)
             chain, sky = chains[light.name]
             ours, ggx = responses
-            found = [picture(prefiltered(ours, chain), SIZE), picture(prefiltered(ggx, sky), SIZE)]
+            found = [shown(prefiltered(ours, chain), knot), shown(prefiltered(ggx, sky), knot)]
             off = [compared(each, exact) for each in found]
             if three is not None:
                 off.append(compared(three, SphereImage(exact.radiance, three.coverage)))

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import torch
 from mitsuba_cases import variant
+from skies import LAMBERT, chain, gradient
 
 from homofact.brdf.adaptive import tabulated
 from homofact.brdf.formats import rgl
@@ -16,6 +17,9 @@ from homofact.brdf.neural import LAYERS, NeuralBrdf
 from homofact.brdf.sampling import sample_model
 from homofact.evaluation.metrics import measure
 from homofact.geometry.directions import draw_uniform
+from homofact.meshes.shapes import torus_knot
+from homofact.rendering.prefilter import LevelTable, Prefiltered
+from homofact.rendering.surface import RADIUS
 from homofact.shading.compiled import compiled_program
 
 
@@ -159,3 +163,38 @@ def test_errors_of_the_split_sum(script, tmp_path: Path, capsys: pytest.CaptureF
     for number in line[2:]:
         assert 0 < float(number) < 0.1
     assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_nearest_part_of_the_knot_is_seen(script) -> None:
+    found = script("engines.knot").Knot.of(48)
+    assert float((found.normals.norm(dim=1) - 1).abs().max()) < 1e-12
+    # Many points of a fine mesh; the nearest one that falls into each pixel.
+    mesh = torus_knot(1600, 160)
+    front = mesh.normals[:, 2] > 0
+    points, normals = mesh.positions[front], mesh.normals[front]
+    column, row = ((points[:, k] * sign * RADIUS + 1) * 24 for k, sign in ((0, 1), (1, -1)))
+    place = row.astype(int) * 48 + column.astype(int)
+    order = np.lexsort((points[:, 2], place))
+    last = np.append(place[order][1:] != place[order][:-1], True)
+    nearest = dict(zip(place[order][last].tolist(), normals[order][last], strict=True))
+    seen = set(found.pixels.tolist())
+    # At the silhouette, points fall into pixels whose middle is beside the knot.
+    assert len(seen - set(nearest)) < 0.01 * len(seen)
+    assert len(set(nearest) - seen) < 0.3 * len(seen)
+    both = [(k, pixel) for k, pixel in enumerate(found.pixels.tolist()) if pixel in nearest]
+    angles = [float(found.normals[k].numpy() @ nearest[pixel]) for k, pixel in both]
+    assert np.quantile(angles, 0.1) > 0.9
+
+
+def test_the_knot_reflects_what_its_normals_say(script) -> None:
+    found = script("engines.knot").Knot.of(16)
+    sky, slope = gradient(rows=256), torch.tensor((0.3, 0.4, -0.2), dtype=torch.float64)
+    # E/π of 1 + slope · ω, in three channels.
+    expected = 0.6 * (1 + found.normals @ slope * (2 / 3))[:, None] * torch.tensor((1.0, 2.0, 3.0))
+    image = found.exact(LAMBERT, sky)
+    assert int(image.coverage.sum()) == len(found.pixels)
+    torch.testing.assert_close(image.radiance.reshape(-1, 3)[found.pixels], expected, rtol=0.01, atol=0)
+    table = torch.zeros(4, 64, 4, dtype=torch.float64)
+    table[2, :, :3] = 0.6
+    read = found.by_split_sum(Prefiltered(LevelTable(table), chain("gradient")))
+    torch.testing.assert_close(read.radiance.reshape(-1, 3)[found.pixels], expected, rtol=0.01, atol=0)
