@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from homofact.brdf.samples import Samples
     from homofact.containers.formats import Format
     from homofact.evaluation.reopening import Reopened
-    from homofact.exporting.engine_light import EngineLight
+    from homofact.exporting.engine_light import UnderSkies
     from homofact.exporting.engines.base import Added, Engine
     from homofact.exporting.exported import Exported
     from homofact.exporting.look_alike import Likeness
@@ -62,10 +62,10 @@ class ExportResult:
         How an engine's look-alikes compare, by label.
     prefiltered : PrefilteredExport or None
         The filtered sky.
-    light : EngineLight or None
-        How the fit reads the engine's own sky, where it does, and how far off that is.
+    light : UnderSkies or None
+        How the fit reflects the engine's own sky, where it does, and how far off that is.
     likeness : Likeness or None
-        How near a look-alike in glTF's or Blender's export comes to the fit, None for other exports.
+        How near the look-alike in glTF's export comes to the fit, None for other exports.
     """
 
     result: str
@@ -81,7 +81,7 @@ class ExportResult:
     engine: str = ""
     looks: Mapping[str, Any] | None = None
     prefiltered: "PrefilteredExport | None" = None
-    light: "EngineLight | None" = None
+    light: "UnderSkies | None" = None
     likeness: "Likeness | None" = None
 
     def record(self) -> dict[str, Any]:

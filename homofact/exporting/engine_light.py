@@ -1,11 +1,13 @@
-"""A material under an engine's own sky: which levels of the chain that the engine has made to read, and how far off.
+"""A material under an engine's own sky: the table or the closures by which the engine reflects it, and the error.
 
-The table (`rendering.prefilter.LevelTable`) is fitted for the engine's kernels (`rendering.chain_kernels`). Its error
-is measured on a sphere under skies that it never saw (`rendering.made_skies`), the kernels integrated themselves: what
-the few texels of an engine's levels add is not in it.
+The table (`rendering.prefilter.LevelTable`) is fitted for the engine's kernels (`rendering.chain_kernels`), closures
+(`rendering.closures`) for an engine that integrates skies itself. The error is measured on a sphere under skies that
+neither was fitted to (`rendering.made_skies`). Kernels are integrated themselves, so what the few texels of an engine's
+levels add is not in it.
 """
 
-from collections.abc import Mapping
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,10 +16,14 @@ import numpy as np
 from homofact.brdf.reflectance import Reflectance
 from homofact.exporting.prefiltered import compared, picture
 from homofact.rendering.chain_kernels import ChainKernels
+from homofact.rendering.closure_fit import closures_of
+from homofact.rendering.closures import Closures
 from homofact.rendering.filtered import FilteredMaterial, Surroundings
+from homofact.rendering.light import EnvironmentMap
 from homofact.rendering.made_skies import MADE_SKIES, made_sky
 from homofact.rendering.prefilter import LevelTable, Prefiltered, level_table
 from homofact.rendering.sky_chain import FilteredSky
+from homofact.rendering.sphere import SphereImage
 from homofact.rendering.split_sum import response_of
 from homofact.shading.languages import Language, shader
 from homofact.shading.program import Program
@@ -34,18 +40,58 @@ _TITLE = (
 )
 
 
-@dataclass(frozen=True)
-class EngineLight:
-    """A `table` as half floats hold it, for `kernels`; `errors` are the relative RMS of a sphere by sky."""
+class UnderSkies(ABC):
+    """How an engine reflects its own sky. `errors` are the relative RMS of a sphere by sky.
 
-    table: LevelTable
-    kernels: ChainKernels
+    `poor` is what a warning says of an engine whose error is large, with {worst} for the error.
+    """
+
     errors: Mapping[str, float]
+    poor: str
 
     @property
     def worst(self) -> float:
         """The largest error."""
         return max(self.errors.values())
+
+    @property
+    def warning(self) -> str:
+        """What to beware of; empty where the errors are small."""
+        return "" if self.worst <= POOR else self.poor.format(worst=f"{self.worst:.0%}")
+
+    @abstractmethod
+    def record(self) -> dict[str, Any]:
+        """JSON-able, for the report of the export."""
+
+    @abstractmethod
+    def sentence(self) -> str:
+        """What the screen says."""
+
+    def off(self) -> str:
+        """A sentence: how far a sphere is off."""
+        shown = ", ".join(f"{error:.1%} ({name})" for name, error in self.errors.items())
+        return f"A sphere is off by {shown}, relative RMS against the exact integration."
+
+    def measured(self) -> dict[str, Any]:
+        """The errors, JSON-able, and what they are."""
+        return {
+            "relative_rms": dict(self.errors),
+            "meaning": "root mean square difference of a sphere's picture from the exact integration of the exported"
+            " fit under skies that were not fitted to, over that picture's root mean square",
+        }
+
+
+@dataclass(frozen=True)
+class EngineLight(UnderSkies):
+    """A `table` as half floats hold it, for `kernels`; `errors` as of `UnderSkies`."""
+
+    table: LevelTable
+    kernels: ChainKernels
+    errors: Mapping[str, float]
+    poor = (
+        "under small bright lights the engine's own sky holds this material's lobes within {worst} only;"
+        " `prefilter='SKY'` filters a sky for it"
+    )
 
     @property
     def texels(self) -> np.ndarray:
@@ -62,33 +108,33 @@ class EngineLight:
 
     def record(self) -> dict[str, Any]:
         """JSON-able, for the report of the export."""
-        return {
-            "reads": self.table.lobes + 1,
-            "bytes": self.texels.nbytes,
-            "relative_rms": dict(self.errors),
-            "meaning": "root mean square difference of a sphere's picture from the exact integration of the exported"
-            " fit under skies that were not fitted to, over that picture's root mean square",
-        }
-
-    def off(self) -> str:
-        """A sentence: how far a sphere is off."""
-        shown = ", ".join(f"{error:.1%} ({name})" for name, error in self.errors.items())
-        return f"A sphere is off by {shown}, relative RMS against the exact integration."
+        return {"reads": self.table.lobes + 1, "bytes": self.texels.nbytes, **self.measured()}
 
     def sentence(self) -> str:
         """What the screen says."""
         reads, size = self.table.lobes + 1, self.texels.nbytes
         return f"Environments: {reads} reads of the engine's own filtered sky by a table of {size} bytes. {self.off()}"
 
-    @property
-    def warning(self) -> str:
-        """What to beware of; empty where the errors are small."""
-        if self.worst <= POOR:
-            return ""
-        return (
-            f"under small bright lights the engine's own sky holds this material's lobes within {self.worst:.0%} only;"
-            " `prefilter='SKY'` filters a sky for it"
-        )
+
+@dataclass(frozen=True)
+class ClosureLight(UnderSkies):
+    """The `closures` of an engine that integrates skies itself; `errors` as of `UnderSkies`."""
+
+    closures: Closures
+    errors: Mapping[str, float]
+    poor = (
+        "under small bright lights the closures hold this material's lobes within {worst} only;"
+        " `engine='three'` with `prefilter='SKY'`, and the Mitsuba plugin, show the fit itself under skies"
+    )
+
+    def record(self) -> dict[str, Any]:
+        """JSON-able, for the report of the export."""
+        return {"closures": self.closures.weights.shape[2], "bytes": self.closures.nbytes, **self.measured()}
+
+    def sentence(self) -> str:
+        """What the screen says."""
+        count, size = self.closures.weights.shape[2], self.closures.nbytes
+        return f"Environments: a sum of {count} closures by tables of {size} bytes. {self.off()}"
 
 
 def engine_light(reflectance: Reflectance, kernels: ChainKernels) -> EngineLight:
@@ -97,9 +143,30 @@ def engine_light(reflectance: Reflectance, kernels: ChainKernels) -> EngineLight
     Raises BadInput for channels that are no picture's, and values that are not finite.
     """
     stored = level_table(response_of(reflectance, kernels, LOBES)).rounded(np.float16)
+
+    def shown(light: EnvironmentMap, around: Surroundings) -> SphereImage:
+        return picture(Prefiltered(stored, FilteredSky.of(light, kernels)), SIZE)
+
+    return EngineLight(stored, kernels, errors_of(reflectance, shown))
+
+
+def closure_light(reflectance: Reflectance) -> ClosureLight:
+    """The closures of a fit, and their errors.
+
+    Raises BadInput for channels that are no picture's, values that are not finite, and what reflects nothing.
+    """
+    closures = closures_of(reflectance)
+    material = FilteredMaterial.of(closures)
+    return ClosureLight(closures, errors_of(reflectance, lambda light, around: material.under(around)))
+
+
+def errors_of(
+    reflectance: Reflectance, shown: Callable[[EnvironmentMap, Surroundings], SphereImage]
+) -> dict[str, float]:
+    """Relative RMS by sky of the sphere of `SIZE` pixels that is `shown` for a fit."""
     material, errors = FilteredMaterial.of(reflectance), {}
     for name in MADE_SKIES:
         light = made_sky(name, _ROWS)
-        shown = picture(Prefiltered(stored, FilteredSky.of(light, kernels)), SIZE)
-        errors[name] = compared(shown, material.under(Surroundings.of(light, SIZE)))
-    return EngineLight(stored, kernels, errors)
+        around = Surroundings.of(light, SIZE)
+        errors[name] = compared(shown(light, around), material.under(around))
+    return errors

@@ -27,12 +27,9 @@ class Likeness:
     ----------
     appearance : Appearance
         All figures.
-    lamps : bool
-        Whether the engine shows the look-alike under lamps too, not only under a sky.
     """
 
     appearance: Appearance
-    lamps: bool = True
 
     @property
     def albedo(self) -> float:
@@ -47,7 +44,7 @@ class Likeness:
     @property
     def poor(self) -> bool:
         """Whether a picture shows the difference: see `LEAST_PSNR` and `MOST_ALBEDO`."""
-        least = min(self.appearance.psnr_sky, self.appearance.psnr_light if self.lamps else math.inf)
+        least = min(self.appearance.psnr_sky, self.appearance.psnr_light)
         bounded = 1 / MOST_ALBEDO <= round(self.albedo, 2) <= MOST_ALBEDO
         return not bounded or (math.isfinite(least) and round(least) < LEAST_PSNR)
 
@@ -57,12 +54,7 @@ class Likeness:
         if not self.poor:
             return ""
         sky = f"{_picture(self.appearance.psnr_sky)} under a sky"
-        if self.lamps:
-            shown = (
-                f"the look-alike differs visibly from the fit: {_picture(self.appearance.psnr_light)} under a lamp, "
-            )
-        else:
-            shown = "lamps show the fit, the world a look-alike that differs visibly from it: "
+        shown = f"the look-alike differs visibly from the fit: {_picture(self.appearance.psnr_light)} under a lamp, "
         remedy = "`engine='three'` shows the fit itself, and `prefilter='SKY'` writes it for shaders of your own"
         return f"{shown}{sky}, {self._albedo_words}; {remedy}"
 
@@ -102,7 +94,7 @@ class AddedLookAlike(Added):
     likeness: Likeness | None = None
 
 
-def likeness(look: MetallicRoughness, fitted: Fitted, lamps: bool = True) -> Likeness:
+def likeness(look: MetallicRoughness, fitted: Fitted) -> Likeness:
     """Measure a look-alike against the fit that is exported.
 
     Parameters
@@ -111,12 +103,10 @@ def likeness(look: MetallicRoughness, fitted: Fitted, lamps: bool = True) -> Lik
         The look-alike.
     fitted : Fitted
         The fit as it is stored.
-    lamps : bool
-        Whether the engine shows the look-alike under lamps too.
     """
     found = appearance(look, as_source(fitted, "the fit", _DRAWN))
     assert found is not None, "a fit is known at all directions"
-    return Likeness(found, lamps)
+    return Likeness(found)
 
 
 def _picture(psnr: float) -> str:

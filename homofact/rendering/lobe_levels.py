@@ -122,14 +122,14 @@ def energy(axes, levels, wi, flux, whole, potential, overlap, signed):  # pragma
     pull[lobes] = whole[1]
     total, shares = 0.0, np.zeros((count, channels))
     for channel in range(channels):
-        value, best = _shared(between, pull[:, channel], whole[0, channel], signed)
+        value, best = shared(between, pull[:, channel], whole[0, channel], signed)
         total += value
         shares[:, channel] = best
     return total, shares
 
 
 @kernel(nogil=True)
-def _shared(between, pull, whole, signed):  # pragma: no cover (compiled)
+def shared(between, pull, whole, signed):  # pragma: no cover (compiled)
     """(the least w·Q w − 2 w·b of w with the sum `whole`, w): of w ≥ 0 the best of all sets of shares that are not 0.
 
     Of `signed` w the least with `RIDGE` Σ Qkk wk² added: two nearly equal lobes do not grow against each other.

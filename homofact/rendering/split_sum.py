@@ -107,7 +107,7 @@ def response_of(
     shade = shader(reflectance, to_rgb)
     isotropic = find_symmetry(reflectance).isotropic
     known = potentials(kernels)
-    across = None if isotropic else _across(shade)
+    across = None if isotropic else widest_azimuth(shade)
     seen = [_seen(shade, min(math.acos(k / (COLUMNS - 1)), GRAZING), across, known) for k in range(COLUMNS)]
     layout = _Layout(lobes if isotropic else 3, not isotropic, bool(kernels.ggx))
     # Many azimuths take their time: once for those.
@@ -117,7 +117,7 @@ def response_of(
     return Response(torch.from_numpy(places), torch.from_numpy(shares), kernels, across)
 
 
-def _across(shade) -> float:
+def widest_azimuth(shade) -> float:
     """The azimuth of the axis along which light spreads widest, seen from the normal; in [0, π)."""
     wo = torch.tensor([[0.0, 0.0, 1.0]], dtype=torch.float64)
     wi, angles = hemisphere_nodes(wo, *_NODES)

@@ -27,6 +27,7 @@ from homofact.brdf.source import open_source
 from homofact.brdf.source_names import HELD_OUT
 from homofact.containers.formats import format_named
 from homofact.evaluation.compare import fit_and_measure
+from homofact.exporting.engine_light import EngineLight
 from homofact.exporting.engines.base import Added
 from homofact.exporting.engines.gltf import NAME as LOOK_ALIKE
 from homofact.exporting.engines.table import ENGINES
@@ -108,7 +109,7 @@ def drawn(
 def costs(made: Exported, added: Added) -> list[str]:
     """Bytes of the texels and scalar operations of a lamp, of the sky's table and of the sky, as three.js gets them."""
     light = added.light
-    assert light is not None
+    assert isinstance(light, EngineLight)
     sky = cost_of(light.program(), light.texels.nbytes)
     return [f"{made.cost.nbytes:,}", f"{made.cost.scalar}", f"{sky.nbytes:,}", f"{sky.scalar}"]
 

@@ -25,9 +25,9 @@ mathutils: Any = import_module("mathutils")
 def scene_of(request):
     """A camera, a smooth sphere and what the request asks for beside it; the sphere.
 
-    "engine" (Cycles on the CPU), "osl", "rings" of the sphere, "world" (a grey level), "blocker" (place, size and Euler
-    angles of a square that the camera does not see) and "lamps", each with "kind", "matrix" (4 × 4) and settings of its
-    data.
+    "engine" (Cycles on the CPU), "osl", "rings" of the sphere, "world" (a grey level) or "sky" (a lat-long map as .npy,
+    in Blender's layout), "blocker" (place, size and Euler angles of a square that the camera does not see) and "lamps",
+    each with "kind", "matrix" (4 × 4) and settings of its data.
     """
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
@@ -54,6 +54,8 @@ def scene_of(request):
         scene.world = bpy.data.worlds.new("world")
         background = scene.world.node_tree.nodes["Background"]
         background.inputs["Color"].default_value = (*[request["world"]] * 3, 1)
+    if "sky" in request:
+        scene.world = surroundings(np.load(request["sky"]))
     scene.render.resolution_x = scene.render.resolution_y = request["size"]
     scene.view_settings.view_transform = "Raw"
     scene.render.film_transparent = True
@@ -61,11 +63,34 @@ def scene_of(request):
     scene.render.image_settings.color_depth = "32"
     scene.cycles.samples, scene.cycles.device, scene.cycles.use_denoising = request["samples"], "CPU", False
     scene.cycles.use_adaptive_sampling = False
+    # Nothing is clamped.
+    scene.cycles.sample_clamp_direct = scene.cycles.sample_clamp_indirect = 0
     # A pixel shows its middle.
     scene.cycles.pixel_filter_type, scene.cycles.filter_width, scene.render.filter_size = "BOX", 0.01, 0.01
     scene.cycles.shading_system = request.get("osl", False)
     scene.eevee.taa_render_samples = request["samples"]
     return sphere
+
+
+def surroundings(radiance):
+    """A world of radiance (rows, columns, 3), the top row first."""
+    made = bpy.data.worlds.new("sky")
+    if made.node_tree is None:
+        made.use_nodes = True
+    rows, columns, _ = radiance.shape
+    image = bpy.data.images.new("sky", columns, rows, alpha=False, float_buffer=True, is_data=True)
+    texels = np.ones((rows, columns, 4), np.float32)
+    texels[..., :3] = radiance[::-1]
+    image.pixels.foreach_set(texels.ravel())
+    image.update()
+    image.pack()
+    node = made.node_tree.nodes.new("ShaderNodeTexEnvironment")
+    node.image = image
+    made.node_tree.links.new(node.outputs["Color"], made.node_tree.nodes["Background"].inputs["Color"])
+    # Where the world is a map, this is how finely Cycles samples it; EEVEE would take bright texels for a sun.
+    made.cycles.sampling_method, made.cycles.sample_map_resolution = "MANUAL", columns
+    made.sun_threshold, made.probe_resolution = 0, "2048"
+    return made
 
 
 def lamp(name, kind, matrix, **settings):
@@ -111,14 +136,15 @@ def main(request):
     """One picture: of the script's material, or of a "white" matte one under Blender's own lamps.
 
     The script runs twice with "again"; the file is saved and opened anew with "reopened"; "moved" and "set" change
-    lamps, by their number, once the material is there. "lookalike" shows the Principled BSDF under Blender's own lamps.
+    lamps, by their number, once the material is there. "closures" shows what reflects the world under Blender's own
+    lamps.
     """
     sphere = scene_of(request)
     if request.get("white"):
         white(sphere)
     else:
         script = script_of(request["script"])
-        if request.get("lookalike"):
+        if request.get("closures"):
             sphere.data.materials.append(script.material([]))
         else:
             script.apply([sphere])

@@ -5,6 +5,7 @@ this Python, if it has bpy, or `blender` on the path.
 """
 
 import json
+import math
 import os
 import shutil
 import subprocess
@@ -16,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from homofact.rendering.light import DirectionalLight
+from homofact.rendering.light import DirectionalLight, EnvironmentMap
 from homofact.rendering.surface import RADIUS
 
 PROGRAM = Path(__file__).with_name("in_blender.py")
@@ -51,6 +52,32 @@ def drawn(folder: Path, requests: Sequence[dict[str, Any]], seconds: float = 900
     if done.returncode != 0:
         raise RuntimeError(done.stdout[-3000:] + done.stderr[-3000:])
     return [np.load(each["out"]) for each in made]
+
+
+def sky_of(sky: EnvironmentMap) -> np.ndarray:
+    """A map's radiance (rows, columns, 3) in Blender's layout, whose middle is at its +x, our viewer's right.
+
+    A turn counts in whole columns.
+    """
+    radiance = np.broadcast_to(sky.radiance.numpy(), (*sky.radiance.shape[:2], 3)).astype(np.float32)
+    columns = radiance.shape[1]
+    return np.roll(radiance, -(columns // 4) - round(sky.turn / (2 * math.pi) * columns), 1)
+
+
+def blender_sphere(
+    folder: Path, script: Path, size: int, lamps: Sequence[DirectionalLight], sky: EnvironmentMap | None,
+    samples: int = 1024, **more: Any,
+) -> np.ndarray:  # fmt: skip
+    """Linear radiance (size, size, 3) of the unit sphere in the material of a script, drawn in `folder`.
+
+    `more` are settings of `in_blender.py`. Raises RuntimeError as `drawn`.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    asked = {"script": str(script), "size": size, "lamps": [sun(light) for light in lamps]} | more
+    if sky is not None:
+        np.save(folder / "sky.npy", sky_of(sky))
+        asked |= {"sky": str(folder / "sky.npy"), "samples": samples}
+    return drawn(folder, [asked])[0][..., :3]
 
 
 def placed(towards: Sequence[float], distance: float = 0.0) -> list[list[float]]:

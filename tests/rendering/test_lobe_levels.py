@@ -11,7 +11,7 @@ from torch import Tensor
 
 from homofact.rendering import lobe_levels
 from homofact.rendering.chain_kernels import cosine_power, ggx_kernels
-from homofact.rendering.lobe_levels import POINTS, _between, _shared, energy, potentials, pull_of
+from homofact.rendering.lobe_levels import POINTS, _between, shared, energy, potentials, pull_of
 from homofact.rendering.sky_chain import own_kernels
 from homofact.rendering.split_sum import response_of
 
@@ -67,7 +67,7 @@ def test_shares_are_the_best_of_all_that_add_up() -> None:
         def value(w, between=between, pull=pull):
             return w @ between @ w - 2 * w @ pull
 
-        best, shares = _shared(between, pull, whole, False)
+        best, shares = shared(between, pull, whole, False)
         assert (shares >= 0).all()
         assert shares.sum() == pytest.approx(whole)
         assert best == pytest.approx(value(shares))

@@ -8,7 +8,7 @@ import numpy as np
 
 from homofact.brdf.reflectance import Reflectance
 from homofact.errors import BadInput
-from homofact.exporting.engine_light import EngineLight
+from homofact.exporting.engine_light import UnderSkies
 from homofact.exporting.exported import Exported
 from homofact.files.template import AT, filled
 from homofact.shading.encoding import Encoded
@@ -23,7 +23,7 @@ class Added:
 
     files: Mapping[str, str | bytes]
     looks: Mapping[str, Reflectance] = field(default_factory=dict)
-    light: EngineLight | None = None
+    light: UnderSkies | None = None
 
 
 @dataclass(frozen=True)
