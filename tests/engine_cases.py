@@ -1,5 +1,6 @@
 """What the tests of exports for engines share: exported fits, packages of npm, the scripts that draw."""
 
+import math
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
@@ -15,14 +16,15 @@ from homofact.brdf.analytic.metallic_roughness import MetallicRoughness
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.symmetry import find_symmetry
 from homofact.containers.formats import format_named
-from homofact.exporting.engine_light import EngineLight
-from homofact.exporting.engines import godot, materialx, three
+from homofact.exporting.engine_light import ClosureLight, EngineLight
+from homofact.exporting.engines import blender, godot, materialx, three
 from homofact.exporting.engines.table import ENGINES
 from homofact.exporting.exported import Exported, exported, write_exported
 from homofact.exporting.prefiltered import PrefilteredExport
 from homofact.factor.factorization import Factorization
 from homofact.factor.projection import Warp, fixed_projection
 from homofact.rendering.chain_kernels import ChainKernels
+from homofact.rendering.closures import Closures
 from homofact.rendering.prefilter import LevelTable, Prefiltered
 from homofact.rendering.sky_chain import SkyChain
 
@@ -50,8 +52,23 @@ def light_of(reflectance: Reflectance, kernels: ChainKernels) -> EngineLight:
     return EngineLight(LevelTable(table if across else table[:5], across), kernels, {"a sky": 0.02})
 
 
+def closures_like(reflectance: Reflectance) -> ClosureLight:
+    """Closures made up, which depend on the viewer's angle; on the azimuth, too, where the reflectance does."""
+    isotropic = find_symmetry(reflectance).isotropic
+    u = torch.linspace(0, 1, 64, dtype=torch.float64)
+    one = torch.stack((0.35 + 0.1 * u, 0.4 * (1 - u), 0.1 - 0.1 * u), 1)
+    two = torch.stack((0.7 - 0.2 * u, -0.3 * (1 - u), torch.zeros_like(u)), 1)
+    phi = torch.linspace(-math.pi, math.pi, 1 if isotropic else 9, dtype=torch.float64)
+    shade = (1 + 0.3 * torch.cos(2 * phi + 0.5) * (not isotropic))[:, None, None, None]
+    parts = torch.stack((0.1 + 0.2 * u, 0.5 - 0.2 * u, 0.2 + 0.1 * u), 1)[..., None] * u.new_tensor((1.0, 0.7, 0.4))
+    weights = (shade * parts)[..., : len(reflectance.channels)]
+    made = Closures(torch.stack((one, two), 1), weights, None if isotropic else 0.4, reflectance.channels)
+    return ClosureLight(made, {"a sky": 0.02})
+
+
 def fit_no_looks(patch: pytest.MonkeyPatch) -> None:
-    """Have exports show environments LOOK or `light_of`: the fits of these have tests of their own."""
+    """Have exports show environments LOOK, `light_of` or `closures_like`: fits of these have tests of their own."""
+    patch.setattr(blender, "closure_light", closures_like)
     for module in (three, godot):
         patch.setattr(module, "fit_metallic_roughness", lambda *args, **kwargs: LOOK)
     for module in (three, materialx):

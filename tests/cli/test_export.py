@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import torch
 from cube_maps import read_ktx2_cube
+from engine_cases import closures_like
 
 import homofact
 from homofact.brdf import adaptive
@@ -220,8 +221,7 @@ def test_an_engine_gets_its_files_and_the_likeness_of_a_look_alike_is_said(
     result: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     look = MetallicRoughness((0.3, 0.4, 0.7), 0.0, 0.65)
-    for engine in (gltf, blender):
-        monkeypatch.setattr(engine, "fit_metallic_roughness", lambda *args, **kwargs: look)
+    monkeypatch.setattr(gltf, "fit_metallic_roughness", lambda *args, **kwargs: look)
     asked = ["export", str(result), "--to", str(tmp_path / "out"), "--engine", "gltf"]
     assert main([*asked, "--json"]) == 0
     answer = json.loads(capsys.readouterr().out)
@@ -247,14 +247,21 @@ def test_an_engine_gets_its_files_and_the_likeness_of_a_look_alike_is_said(
     # Another's file stays; ours, of another engine, goes.
     (tmp_path / "out" / "notes.txt").write_text("mine")
     bad = replace(look, roughness=0.1)
-    monkeypatch.setattr(blender, "fit_metallic_roughness", lambda *args, **kwargs: bad)
-    assert main([*asked[:-1], "blender", "--force"]) == 0
+    monkeypatch.setattr(gltf, "fit_metallic_roughness", lambda *args, **kwargs: bad)
+    assert main([*asked, "--force"]) == 0
     streams = capsys.readouterr()
     shown = " ".join(streams.out.split())
     assert "look-alike: baseColor (0.300, 0.400, 0.700), metallic 0.000, roughness 0.100; log_mse" in shown
     assert "look-alike only: " in shown
-    assert "homofact: lamps show the fit, the world a look-alike that differs visibly from it: " in streams.err
+    assert "homofact: the look-alike differs visibly from the fit: " in streams.err
     assert "; --engine three shows the fit itself, and --prefilter SKY writes it" in streams.err
+    off = replace(closures_like(LOOK), errors={"a sky": 0.02, "a sun": 0.17})
+    monkeypatch.setattr(blender, "closure_light", lambda *args: off)
+    assert main([*asked[:-1], "blender", "--force"]) == 0
+    streams = capsys.readouterr()
+    shown = " ".join(streams.out.split())
+    assert f"a sum of 3 closures by tables of {off.closures.nbytes} bytes. A sphere is off by 2.0% (a sky), 17.0%" in shown
+    assert "the closures hold this material's lobes within 17% only; --engine three with --prefilter SKY" in streams.err
     names = {path.name for path in (tmp_path / "out").iterdir()}
     assert {"brdf_blender.py", "notes.txt"} <= names
     # What is said to be in the folder is all that was written to it.

@@ -16,10 +16,10 @@ from homofact.exporting.as_source import as_source
 from homofact.exporting.look_alike import Likeness, likeness
 
 
-def case(albedo: float = 1.0, lamp: float = 50.0, sky: float = 50.0, lamps: bool = True) -> Likeness:
+def case(albedo: float = 1.0, lamp: float = 50.0, sky: float = 50.0) -> Likeness:
     """A likeness of these figures."""
     made: Any = SimpleNamespace(energy=SimpleNamespace(albedo_worst=albedo), psnr_light=lamp, psnr_sky=sky)
-    return Likeness(made, lamps)
+    return Likeness(made)
 
 
 @pytest.mark.parametrize(
@@ -45,8 +45,6 @@ def test_the_phrase(found: Likeness, phrase: str) -> None:
         (case(0.82), True),
         (case(sky=34.4), True),
         (case(lamp=34.4), True),
-        (case(lamp=34.4, lamps=False), False),
-        (case(sky=34.4, lamps=False), True),
         (case(math.inf), True),
         (case(lamp=math.inf, sky=math.inf), False),
     ],
@@ -63,9 +61,6 @@ def test_the_warning_says_what_shows_the_fit() -> None:
     )
     assert "`engine='three'` shows the fit itself" in found
     assert "`prefilter='SKY'`" in found
-    world = case(1.416, 28.0, 31.4, lamps=False).warning
-    assert "lamps show the fit" in world
-    assert "28 dB" not in world
 
 
 def test_it_is_measured_against_the_fit() -> None:

@@ -7,48 +7,41 @@ import math
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 import torch
-from engine_cases import brushed, engine_folder, isotropic
+from engine_cases import brushed, closures_like, engine_folder, isotropic
 from hostile import FORBIDDEN, NAMES
 from mitsuba_cases import factorization, random_texture
 from node_graph_cases import run
+from skies import lamps
 
-from homofact.brdf.analytic.metallic_roughness import MetallicRoughness
 from homofact.containers.formats import format_named
 from homofact.errors import BadInput
 from homofact.exporting.engines import blender
-from homofact.exporting.engines.blender import BLENDER, NAME, principled, script
+from homofact.exporting.engines.blender import BLENDER, NAME, script, tables_of
 from homofact.exporting.exported import Exported, exported
-from homofact.exporting.look_alike import AddedLookAlike, Likeness
 from homofact.factor.factorization import Factorization
 from homofact.factor.projection import fixed_projection
 from homofact.files.kinds import is_ours
 from homofact.geometry.directions import draw_uniform
-from homofact.rendering.light import DEFAULT_LIGHT, DirectionalLight
+from homofact.rendering.filtered import render_filtered
+from homofact.rendering.light import DEFAULT_LIGHT, DirectionalLight, EnvironmentMap
 from homofact.rendering.sphere import render_sphere
 from homofact.rendering.surface import RADIUS
 from homofact.shading.node_graph import NodeGraph
 
-LOOK = MetallicRoughness((0.4, 0.3, 0.2), 0.2, 0.5)
 LIGHTS = [DEFAULT_LIGHT, DirectionalLight((0.9, -0.1, 0.3), 1.5)]
 MEAN = (0.1, 0.2, 0.3)
 
 
 @pytest.fixture(autouse=True)
-def look(monkeypatch: pytest.MonkeyPatch) -> None:
-    """No look-alike is fitted here: it has tests of its own, and takes a second."""
-    monkeypatch.setattr(blender, "fit_metallic_roughness", lambda *args, **kwargs: LOOK)
-    monkeypatch.setattr(blender, "likeness", lambda *args, **kwargs: NEAR)
-
-
-NEAR = Likeness(SimpleNamespace(energy=SimpleNamespace(albedo_worst=1.42), psnr_light=28.0, psnr_sky=31.0), lamps=False)  # type: ignore[arg-type]
+def made_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No closures are fitted here: that has tests of its own, and takes seconds."""
+    monkeypatch.setattr(blender, "closure_light", closures_like)
 
 
 def grey() -> Factorization:
@@ -71,10 +64,7 @@ def test_the_script_holds_the_stored_fit(fit: Factorization, form: str, tmp_path
     text = (tmp_path / "fit" / NAME).read_text(encoding="utf-8")
     compile(text, NAME, "exec")
     found = constants(text)
-    textures = []
-    for columns, rows, texels in found["TEXTURES"]:
-        numbers = np.frombuffer(base64.b64decode(texels), "<f4").astype(float)
-        textures.append(numbers.reshape(rows, columns, -1))
+    textures = decoded(found["TEXTURES"])
     for texels, stored in zip(textures, made.stored.textures, strict=True):
         assert np.array_equal(texels, stored.texels.astype(np.float32))
     wi, wo = draw_uniform(500, torch.Generator().manual_seed(1))
@@ -82,27 +72,29 @@ def test_the_script_holds_the_stored_fit(fit: Factorization, form: str, tmp_path
     values = run(graph, {"wi": wi.numpy().T, "wo": wo.numpy().T}, textures).reshape(-1, len(wi)).T
     assert values == pytest.approx(made.stored.evaluate(wi, wo).numpy(), rel=1e-4, abs=1e-6)
     assert found["NAME"] == "homofact samples"
-    assert found["LOOKALIKE"] == principled(LOOK)
 
 
-def test_principled_shares_out_what_gltf_stretches() -> None:
-    """Blender: αx = α/aspect along the tangent, αy = α aspect, aspect = √(1 − .9 anisotropic), α = roughness²."""
-    long = MetallicRoughness((0.9, 0.8, 0.7), 1.0, 0.5, anisotropy=0.6, rotation=0.7)
-    found = principled(long)
-    aspect = math.sqrt(1 - 0.9 * found["Anisotropic"])
-    alpha = found["Roughness"] ** 2
-    assert (alpha / aspect, alpha * aspect) == pytest.approx((0.25 + 0.75 * 0.36, 0.25), abs=1e-5)
-    assert found["Anisotropic Rotation"] == pytest.approx(0.7 / (2 * math.pi), abs=1e-6)
-    coated = principled(replace(LOOK, clearcoat=0.8, clearcoat_roughness=0.15))
-    assert coated["Base Color"] == (0.4, 0.3, 0.2, 1.0)
-    numbers = [coated[name] for name in ("Metallic", "Roughness", "IOR", "Coat Weight", "Coat Roughness")]
-    assert numbers == pytest.approx([0.2, 0.5, 1.5, 0.8, 0.15])
-    assert coated["Anisotropic"] == 0
-    # Longer than Blender has, and as sharp as none.
-    assert principled(replace(long, roughness=0.1, anisotropy=1.0))["Anisotropic"] == 1
-    assert principled(replace(long, roughness=0.0, anisotropy=0.0))["Roughness"] == 0
-    one = MetallicRoughness((0.3,), 0.0, 0.5, channels=("Y",))
-    assert principled(one)["Base Color"] == (0.3, 0.3, 0.3, 1.0)
+@pytest.mark.parametrize("fit", [isotropic(), brushed(), grey()], ids=["isotropic", "brushed", "one channel"])
+def test_the_script_holds_the_closures(fit: Factorization) -> None:
+    """The tables of a sum that is read as its nodes read it are the sum's."""
+    light = closures_like(fit)
+    found = constants(script(exported(fit, format_named("exr")), light))
+    assert found["TURN"] == light.closures.turn
+    matte, *lobes = decoded(found["CLOSURES"])
+    assert len(lobes) == 4
+    assert matte == pytest.approx(light.closures.weights[:, :, 0].numpy(), rel=1e-6)
+    for k in range(2):
+        assert lobes[2 * k][0] == pytest.approx(light.closures.lobes[:, k].numpy(), abs=1e-6)
+        assert lobes[2 * k + 1] == pytest.approx(light.closures.weights[:, :, k + 1].numpy(), rel=1e-6)
+    assert [each.shape for each in tables_of(light.closures)] == [each.shape for each in (matte, *lobes)]
+
+
+def decoded(tables: list[tuple[int, int, str]]) -> list[np.ndarray]:
+    """The texels (rows, columns, channels) of the data of a script."""
+    return [
+        np.frombuffer(base64.b64decode(texels), "<f4").astype(float).reshape(rows, columns, -1)
+        for columns, rows, texels in tables
+    ]
 
 
 def body(text: str) -> str:
@@ -115,9 +107,9 @@ def body(text: str) -> str:
 @pytest.mark.parametrize("name", NAMES)
 def test_hostile_names_stay_names(name: str) -> None:
     fit = isotropic()
-    plain = script(exported(fit, format_named("exr")), LOOK)
+    plain = script(exported(fit, format_named("exr")), closures_like(fit))
     fit.provenance["source"] = {"material": name}
-    hostile = script(exported(fit, format_named("exr")), LOOK)
+    hostile = script(exported(fit, format_named("exr")), closures_like(fit))
     assert not set(hostile) & set(FORBIDDEN)
     assert body(hostile) == body(plain)
     assert constants(hostile)["NAME"].startswith("homofact ")
@@ -127,26 +119,16 @@ def test_the_engine_and_what_it_refuses() -> None:
     made = exported(isotropic(), format_named("exr"))
     added = BLENDER.add(made)
     assert list(added.files) == [NAME]
-    assert added.looks == {"look-alike": LOOK}
-    assert isinstance(added, AddedLookAlike)
-    assert added.likeness is NEAR
+    assert not added.looks
+    assert added.light is not None
+    assert added.light.errors == {"a sky": 0.02}
     head = ast.get_docstring(ast.parse(str(added.files[NAME]))) or ""
-    assert (
-        "the material that looks most like the fit\n(look-alike only: 31 dB under a sky, albedo up to 1.42 times)"
-        in head
-    )
+    assert "one Diffuse BSDF and two Glossy BSDFs" in head
+    assert "\nA sphere is off by 2.0% (a sky), relative RMS against the exact integration.\n" in head
     texture = random_texture(6, 5, 1, 2)
     two = factorization((fixed_projection("h", True), texture), mean=(0.3, 0.2))
     with pytest.raises(BadInput, match="blender: found channels 0, 1, expected R, G, B or one alone"):
         BLENDER.add(exported(two, format_named("exr")))
-
-
-def test_the_world_is_reflected_by_what_the_principled_bsdf_can_show(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked: dict[str, Any] = {}
-    monkeypatch.setattr(blender, "fit_metallic_roughness", lambda *args, **kwargs: asked.update(kwargs) or LOOK)
-    monkeypatch.setattr(blender, "likeness", lambda *args, **kwargs: asked.update(kwargs) or NEAR)
-    BLENDER.add(exported(isotropic(), format_named("exr")))
-    assert asked == {"extensions": ("clearcoat", "anisotropy"), "lamps": False}
 
 
 def test_an_export_made_anew_takes_its_script_away(tmp_path: Path) -> None:
@@ -282,15 +264,38 @@ def test_lamps_throw_shadows(drawn: Callable[..., list[np.ndarray]], tmp_path: P
 
 
 @pytest.mark.slow
-def test_the_sky_is_the_look_alikes(drawn: Callable[..., list[np.ndarray]], tmp_path: Path) -> None:
-    """Even light from everywhere, no lamps: the look-alike's albedo; a lamp adds f cosθ and nothing else."""
-    asked, _ = request(tmp_path / "fit", isotropic(), size=16, samples=256, rings=32)
-    sky = {"world": 0.5}
-    dark, lit, both = drawn([asked | sky | {"lamps": []}, asked, asked | sky])
-    middle = (slice(5, 11), slice(5, 11), slice(0, 3))
-    # A dielectric with colour c and .2 of metal reflects about c.
-    assert dark[middle].mean((0, 1)) == pytest.approx(0.5 * np.array(LOOK.base_colour), rel=0.2)
-    assert (both - dark)[middle] == pytest.approx(lit[middle], rel=0.03, abs=0.005)
+def test_the_closures_are_ours(drawn: Callable[..., list[np.ndarray]], tmp_path: Path) -> None:
+    """The closures alone under one sun, of which Cycles makes no noise: weights, lengths, leans and tangents."""
+    cases = [(name, fit, light) for name, fit in {"plain": isotropic(), "brushed": brushed()}.items() for light in LIGHTS]
+    asked = [
+        request(tmp_path / f"{name} {k}", fit)[0] | {"lamps": [helper().sun(light)], "closures": True, "rings": 128}
+        for k, (name, fit, light) in enumerate(cases)
+    ]
+    for found, (name, fit, light) in zip(drawn(asked), cases, strict=True):
+        off = helper().differences(found, render_sphere(closures_like(fit).closures, light, 64).radiance.numpy())
+        assert np.median(off) < 2e-3, name
+        assert np.quantile(off, 0.99) < 0.03, name
+
+
+@pytest.mark.slow
+def test_the_world_is_reflected_by_the_closures(drawn: Callable[..., list[np.ndarray]], tmp_path: Path) -> None:
+    """A sky of one level, one with a gradient and a lamp, and beside it a lamp that adds f cosθ and nothing else."""
+    for name, fit in {"isotropic": isotropic(), "brushed": brushed()}.items():
+        asked, _ = request(tmp_path / name, fit, size=24, samples=256, rings=64)
+        dark = asked | {"lamps": []}
+        even, sky = EnvironmentMap.constant(0.5), lamps()
+        np.save(tmp_path / "sky.npy", helper().sky_of(sky))
+        one, other, lit, both = drawn(
+            [dark | {"world": 0.5}, dark | {"sky": str(tmp_path / "sky.npy")}, asked, asked | {"world": 0.5}]
+        )
+        closures = closures_like(fit).closures
+        for found, light, most in ((one, even, 0.03), (other, sky, 0.05)):
+            ours = render_filtered(closures, light, 24).radiance.numpy()
+            off = helper().differences(found, ours)
+            assert np.median(off) < most, name
+            middle = (slice(6, 18), slice(6, 18), slice(0, 3))
+            assert found[middle].mean((0, 1)) == pytest.approx(ours[middle].mean((0, 1)), rel=0.01), name
+        assert (both - one)[middle] == pytest.approx(lit[middle], rel=0.05, abs=0.01), name
 
 
 @pytest.mark.slow

@@ -25,7 +25,7 @@ from homofact.brdf.adaptive import tabulated
 from homofact.brdf.reflectance import Exchanged
 from homofact.brdf.rgl import AdaptiveTable
 from homofact.containers.formats import format_named
-from homofact.exporting.engines import blender, gltf, pbrt
+from homofact.exporting.engines import gltf, pbrt
 from homofact.exporting.engines.base import template
 from homofact.exporting.engines.table import ENGINES
 from homofact.exporting.exported import exported
@@ -45,8 +45,7 @@ FIELDS: dict[str, Callable[[str], dict[str, object]]] = {
 @pytest.fixture(autouse=True)
 def look(monkeypatch: pytest.MonkeyPatch) -> None:
     fit_no_looks(monkeypatch)
-    for module in (blender, gltf):
-        monkeypatch.setattr(module, "fit_metallic_roughness", lambda *args, **kwargs: LOOK)
+    monkeypatch.setattr(gltf, "fit_metallic_roughness", lambda *args, **kwargs: LOOK)
 
 
 def named(field: str, name: str) -> Factorization:
