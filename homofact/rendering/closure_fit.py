@@ -113,7 +113,7 @@ class _View:
 
     @classmethod
     def of(cls, shade, column: int, azimuth: float, isotropic: bool) -> "_View":
-        """The viewer of a column at an azimuth. Of what is isotropic, both sides of the plane of incidence are added."""
+        """The viewer of a column at an azimuth; isotropic materials have both sides of the plane of incidence added."""
         theta = min(max(math.acos(column / (COLUMNS - 1)), _STEEP), GRAZING)
         wo = from_spherical(*(torch.tensor([angle], dtype=torch.float64) for angle in (theta, azimuth)))
         nodes = _NODES[isotropic]
@@ -205,7 +205,7 @@ def _mirrored(shapes: np.ndarray, wo: np.ndarray) -> np.ndarray:
 
 @kernel(nogil=True)
 def _green(wi, solid, folded):  # pragma: no cover (compiled)
-    """G and FLAT (M, M) between nodes (M, 3) of solid angles (M,); `folded` nodes stand for those mirrored at y = 0 too."""
+    """G and FLAT (M, M) between nodes (M, 3) of solid angles (M,); `folded` nodes include those mirrored at y = 0."""
     count = len(wi)
     green = np.empty((count, count))
     for a in range(count):
@@ -225,7 +225,7 @@ def _green(wi, solid, folded):  # pragma: no cover (compiled)
 
 @kernel(nogil=True)
 def _flux(shape, cos, sin, wo, wi, solid):  # pragma: no cover (compiled)
-    """f cosθi dω (M,) of a lobe's roughness, anisotropy and lean (3,), as `closures.glossy`; the tangent is (cos, sin)."""
+    """f cosθi dω (M,) of a lobe's roughness, anisotropy and lean (3,) by `closures.glossy`; (cos, sin) is the tangent."""
     m = np.array((shape[2] * wo[0], shape[2] * wo[1], 1 + shape[2] * (wo[2] - 1)))
     m /= math.sqrt((m * m).sum())
     across = np.array((-m[2] * sin, m[2] * cos, m[0] * sin - m[1] * cos))

@@ -3,8 +3,9 @@
 HOMOFACT_BLENDER=/path/to/blender python scripts/engines/blender_numbers.py out/paint out/yellow ... --pictures DIR
 
 Sphere of 96 pixels under two suns. Cycles (on the processor) and, with --eevee, EEVEE against `render_sphere` of the
-stored fit: median and 99th percentile of the relative difference. The look-alike is the Principled BSDF, for the same
-suns in Cycles, against the same.
+stored fit: median and 99th percentile of the relative difference. With --sky the sphere is under that lat-long map, by
+the closures of the script, against the exact integration (`render_filtered`); the columns are then medians, 99th
+percentiles and the relative RMS, all within .85 of the radius.
 """
 
 import argparse
@@ -18,32 +19,42 @@ from homofact.containers.formats import format_named
 from homofact.exporting.engines.blender import BLENDER, NAME
 from homofact.exporting.exported import Exported, exported
 from homofact.exporting.result import open_result
-from homofact.rendering.light import DEFAULT_LIGHT, DirectionalLight
-from homofact.rendering.sphere import render_sphere
+from homofact.rendering.environment import read_environment
+from homofact.rendering.filtered import draw_sphere
+from homofact.rendering.light import DEFAULT_LIGHT, DirectionalLight, EnvironmentMap
+from homofact.rendering.surface import RADIUS
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
-from scripts.engines.with_blender import differences, drawn, sun
+from scripts.engines.with_blender import blender_sphere, differences
 from scripts.shared.harness import markdown
 
 LIGHTS = (DEFAULT_LIGHT, DirectionalLight((0.9, -0.1, 0.3), 1.5))
 SIZE, RINGS = 96, 64
+BOUND = 0.85  # of the radius
 
 
-def pictures(made: Exported, eevee: bool, size: int = SIZE) -> dict[str, np.ndarray]:
+def pictures(made: Exported, eevee: bool, sky: EnvironmentMap | None, size: int, samples: int) -> dict[str, np.ndarray]:
     """(size, size, 3) linear radiance, of our own renderer first."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         for file, content in BLENDER.add(made).files.items():
             (folder / file).write_text(str(content), encoding="utf-8")
-        lamps = [sun(light) for light in LIGHTS]
-        asked = {"script": str(folder / NAME), "size": size, "lamps": lamps, "rings": RINGS}
-        ways = {"Cycles": asked, "look-alike": asked | {"lookalike": True, "samples": 256}}
-        ways |= {"under a sky": asked | {"world": 0.5, "samples": 64}}
-        ways |= {"EEVEE": asked | {"engine": "BLENDER_EEVEE", "samples": 8}} if eevee else {}
-        found = drawn(folder, list(ways.values()))
-    ours = render_sphere(made.stored, LIGHTS, size).radiance.numpy()
-    ours = np.broadcast_to(ours, (size, size, 3))
-    return {"homofact": ours} | {way: each[..., :3] for way, each in zip(ways, found, strict=True)}
+        lights = LIGHTS if sky is None else ()
+        engines = {"Cycles": "CYCLES"} | ({"EEVEE": "BLENDER_EEVEE"} if eevee else {})
+        found = {}
+        for way, engine in engines.items():
+            count = samples if engine == "CYCLES" else 8
+            more = {"engine": engine, "rings": RINGS} | ({"samples": 8} if engine != "CYCLES" and sky is None else {})
+            found[way] = blender_sphere(folder, folder / NAME, size, lights, sky, count, **more)
+    ours = draw_sphere(made.stored, LIGHTS if sky is None else sky, size).radiance.numpy()
+    return {"homofact": np.broadcast_to(ours, (size, size, 3))} | found
+
+
+def relative_rms(found: np.ndarray, expected: np.ndarray) -> float:
+    """√(Σ difference²/Σ expected²) within .85 of the radius."""
+    y, x = np.mgrid[: len(found), : len(found)] + 0.5 - len(found) / 2
+    inner = np.hypot(x, y) < BOUND * RADIUS * len(found) / 2
+    return float(np.sqrt(((found - expected)[inner] ** 2).sum() / (expected[inner] ** 2).sum()))
 
 
 def main() -> None:
@@ -51,21 +62,28 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("fits", nargs="+", type=Path, help="folders or files of fits")
     parser.add_argument("--eevee", action="store_true", help="draw with EEVEE too, which needs a GPU or its stand-in")
+    parser.add_argument("--sky", type=Path, help="a lat-long map, .hdr or .exr, in place of the suns")
+    parser.add_argument("--size", type=int, default=SIZE, help="pixels of a sphere's side")
+    parser.add_argument("--samples", type=int, default=1024, help="of Cycles under a sky")
     parser.add_argument("--pictures", type=Path, help="a folder for strips of pictures")
     asked = parser.parse_args()
-    rows, ways = [], ["Cycles", *["EEVEE"] * asked.eevee, "look-alike"]
+    sky = None if asked.sky is None else read_environment(asked.sky)
+    rows, ways = [], ["Cycles", *["EEVEE"] * asked.eevee]
+    columns = ("median", "99%") + (("RMS",) if sky else ())
     for place in asked.fits:
         made = exported(open_result(place), format_named("exr"))
-        shown = pictures(made, asked.eevee)
+        shown = pictures(made, asked.eevee, sky, asked.size, asked.samples)
         row = [place.name]
         for way in ways:
             off = differences(shown[way], shown["homofact"])
-            row += [percent(float(each)) for each in (np.median(off), np.quantile(off, 0.99))]
+            figures = [np.median(off), np.quantile(off, 0.99)]
+            figures += [relative_rms(shown[way], shown["homofact"])] if sky else []
+            row += [percent(float(each)) for each in figures]
         rows.append(row)
         if asked.pictures is not None:
             asked.pictures.mkdir(parents=True, exist_ok=True)
             strip(asked.pictures / f"{place.name}.png", shown)
-    print(markdown(("fit", *(f"{way}, {which}" for way in ways for which in ("median", "99%"))), rows))
+    print(markdown(("fit", *(f"{way}, {which}" for way in ways for which in columns)), rows))
 
 
 def percent(share: float) -> str:

@@ -9,9 +9,11 @@ fitted with three textures of 32². Every engine gets what `homofact export --en
 is with `--prefilter`. The table says how far an engine's linear pixels are from our renderer's of the same stored
 texels, but for the silhouette; below it stands what the exports need on a GPU. Mitsuba gets the fit itself, by our
 plugin. Needed are packages of npm (`npm ci --prefix tests/containers/node`), Debian's chromium, chromium-driver and
-xvfb, MaterialX and Mitsuba (`pip install 'homofact[materialx,mitsuba]'`).
+xvfb, MaterialX and Mitsuba (`pip install 'homofact[materialx,mitsuba]'`). With `--sky`, and HOMOFACT_BLENDER set, there
+is a column of Blender too.
 """
 
+import os
 import sys
 import tempfile
 from collections.abc import Callable
@@ -29,6 +31,8 @@ from homofact.containers.formats import format_named
 from homofact.evaluation.compare import fit_and_measure
 from homofact.exporting.engine_light import EngineLight
 from homofact.exporting.engines.base import Added
+from homofact.exporting.engines.blender import BLENDER
+from homofact.exporting.engines.blender import NAME as BLENDER_SCRIPT
 from homofact.exporting.engines.gltf import NAME as LOOK_ALIKE
 from homofact.exporting.engines.table import ENGINES
 from homofact.exporting.exported import Exported, exported, write_exported
@@ -45,12 +49,14 @@ from scripts.engines.draw_godot import godot_sphere
 from scripts.engines.draw_materialx import materialx_sphere
 from scripts.engines.draw_mitsuba import mitsuba_sphere
 from scripts.engines.draw_three import three_sphere
+from scripts.engines.with_blender import blender_sphere
 from scripts.shared.harness import ROOT, add_effort, data_folder, markdown, parser_of
 from scripts.shared.headless import chromium
 
 PLACE = ROOT / "docs" / "pictures" / "engines.jpg"
 MATERIALS = (("golden yellow", "rgl/vch_golden_yellow_rgb.bsdf"), ("brushed aluminium", "material:ward-brushed"))
 PANELS = ("source", "homofact's renderer", "three.js", "MaterialX", "Mitsuba 3", "Godot 4", "glTF look-alike, three.js")
+BLENDER_PANEL = "Blender, Cycles"
 BOUND = 0.85  # of the radius: beyond, a pixel's mean and its middle differ
 DRAWN = ("three", "materialx", "godot", "gltf")
 COSTS = ("bytes of texels", "operations for a lamp", "bytes for skies", "operations for a sky")
@@ -97,12 +103,18 @@ def drawn(
         "godot": lambda: godot_sphere(driver, place / "b", place / "godot", size, RADIUS, lamps, sky),
         "gltf": lambda: three_sphere(driver, place / "c", place / "gltf", size, RADIUS, lamps, sky, glb=LOOK_ALIKE),
     }
+    titles = dict(zip(draw, PANELS[2:], strict=True))
+    if sky is not None and "HOMOFACT_BLENDER" in os.environ:
+        titles["blender"] = BLENDER_PANEL
+        made["blender"] = made["materialx"]
+        (place / BLENDER_SCRIPT).write_text(str(BLENDER.add(made["blender"]).files[BLENDER_SCRIPT]), encoding="utf-8")
+        draw["blender"] = lambda: blender_sphere(place / "d", place / BLENDER_SCRIPT, size, [], sky)
     rows = []
-    for (name, way), title in zip(draw.items(), PANELS[2:], strict=True):
+    for name, way in draw.items():
         found = way()
         stored = ours(made[name].stored if name in made else fit)
         spheres.append(found)
-        rows.append([title, *(f"{float(f'{100 * x:.2g}'):g}%" for x in difference(found, stored))])
+        rows.append([titles[name], *(f"{float(f'{100 * x:.2g}'):g}%" for x in difference(found, stored))])
     return spheres, rows, costs(made["three"], added["three"])
 
 
@@ -117,12 +129,13 @@ def costs(made: Exported, added: Added) -> list[str]:
 def sheet(rows: list[tuple[str, list[np.ndarray]]]) -> Image.Image:
     """The picture: a row a material, a column a renderer, one exposure a row."""
     size = rows[0][1][0].shape[0]
-    wide = MARGIN + len(PANELS) * (size + MARGIN)
+    panels = (*PANELS, BLENDER_PANEL)[: len(rows[0][1])]
+    wide = MARGIN + len(panels) * (size + MARGIN)
     picture = Image.new("RGB", (wide, CAPTION + len(rows) * (size + CAPTION)), (20, 22, 26))
     pen, font = ImageDraw.Draw(picture), ImageFont.load_default(max(12, size // 18))
     y, x = np.mgrid[:size, :size] + 0.5 - size / 2
     inside = np.clip(RADIUS * size / 2 - np.hypot(x, y) + 0.5, 0, 1)[..., None]
-    for k, title in enumerate(PANELS):
+    for k, title in enumerate(panels):
         middle = MARGIN + k * (size + MARGIN) + size // 2
         pen.text((middle, CAPTION // 2), title, (230, 230, 230), font, anchor="mm")
     for line, (name, spheres) in enumerate(rows):

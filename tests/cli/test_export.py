@@ -260,7 +260,9 @@ def test_an_engine_gets_its_files_and_the_likeness_of_a_look_alike_is_said(
     assert main([*asked[:-1], "blender", "--force"]) == 0
     streams = capsys.readouterr()
     shown = " ".join(streams.out.split())
-    assert f"a sum of 3 closures by tables of {off.closures.nbytes} bytes. A sphere is off by 2.0% (a sky), 17.0%" in shown
+    assert (
+        f"a sum of 3 closures by tables of {off.closures.nbytes} bytes. A sphere is off by 2.0% (a sky), 17.0%" in shown
+    )
     assert "the closures hold this material's lobes within 17% only; --engine three with --prefilter SKY" in streams.err
     names = {path.name for path in (tmp_path / "out").iterdir()}
     assert {"brdf_blender.py", "notes.txt"} <= names

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from homofact.rendering import lobe_levels
 from homofact.rendering.chain_kernels import cosine_power, ggx_kernels
-from homofact.rendering.lobe_levels import POINTS, _between, shared, energy, potentials, pull_of
+from homofact.rendering.lobe_levels import POINTS, _between, energy, potentials, pull_of, shared
 from homofact.rendering.sky_chain import own_kernels
 from homofact.rendering.split_sum import response_of
 

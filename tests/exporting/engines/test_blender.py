@@ -266,7 +266,9 @@ def test_lamps_throw_shadows(drawn: Callable[..., list[np.ndarray]], tmp_path: P
 @pytest.mark.slow
 def test_the_closures_are_ours(drawn: Callable[..., list[np.ndarray]], tmp_path: Path) -> None:
     """The closures alone under one sun, of which Cycles makes no noise: weights, lengths, leans and tangents."""
-    cases = [(name, fit, light) for name, fit in {"plain": isotropic(), "brushed": brushed()}.items() for light in LIGHTS]
+    cases = [
+        (name, fit, light) for name, fit in {"plain": isotropic(), "brushed": brushed()}.items() for light in LIGHTS
+    ]
     asked = [
         request(tmp_path / f"{name} {k}", fit)[0] | {"lamps": [helper().sun(light)], "closures": True, "rings": 128}
         for k, (name, fit, light) in enumerate(cases)
