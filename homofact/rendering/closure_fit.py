@@ -225,7 +225,7 @@ def _green(wi, solid, folded):  # pragma: no cover (compiled)
 
 @kernel(nogil=True)
 def _flux(shape, cos, sin, wo, wi, solid):  # pragma: no cover (compiled)
-    """f cosθi dω (M,) of a lobe's roughness, anisotropy and lean (3,) by `closures.glossy`; (cos, sin) is the tangent."""
+    """f cosθi dω (M,) of a lobe's roughness, anisotropy and lean (3,), with the tangent (cos, sin)."""
     m = np.array((shape[2] * wo[0], shape[2] * wo[1], 1 + shape[2] * (wo[2] - 1)))
     m /= math.sqrt((m * m).sum())
     across = np.array((-m[2] * sin, m[2] * cos, m[0] * sin - m[1] * cos))

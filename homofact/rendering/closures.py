@@ -123,7 +123,7 @@ def alphas(roughness: Tensor, anisotropy: Tensor) -> tuple[Tensor, Tensor]:
 
 
 def _place(share: Tensor, count: int) -> tuple[Tensor, Tensor]:
-    """Of places in [0, 1] among `count` even ones: the number of the one before (N,), how far on to the next (N, 1, 1)."""
+    """Of places in [0, 1] among `count` even ones: the one before (N,), and how far on to the next (N, 1, 1)."""
     exact = share * (count - 1)
     below = exact.floor().clamp(0, count - 2)
     return below.to(torch.int64), (exact - below)[:, None, None]
