@@ -16,6 +16,7 @@ import numpy as np
 from homofact.brdf.reflectance import Reflectance
 from homofact.exporting.prefiltered import compared, picture
 from homofact.rendering.chain_kernels import ChainKernels
+from homofact.rendering.closure_fit import LOBES as CLOSURE_LOBES
 from homofact.rendering.closure_fit import closures_of
 from homofact.rendering.closures import Closures
 from homofact.rendering.filtered import FilteredMaterial, Surroundings
@@ -150,12 +151,12 @@ def engine_light(reflectance: Reflectance, kernels: ChainKernels) -> EngineLight
     return EngineLight(stored, kernels, errors_of(reflectance, shown))
 
 
-def closure_light(reflectance: Reflectance) -> ClosureLight:
-    """The closures of a fit, and their errors.
+def closure_light(reflectance: Reflectance, lobes: int = CLOSURE_LOBES) -> ClosureLight:
+    """The closures of a fit, with so many lobes beside the Lambertian one, and their errors.
 
     Raises BadInput for channels that are no picture's, values that are not finite, and what reflects nothing.
     """
-    closures = closures_of(reflectance)
+    closures = closures_of(reflectance, lobes)
     material = FilteredMaterial.of(closures)
     return ClosureLight(closures, errors_of(reflectance, lambda light, around: material.under(around)))
 

@@ -5,7 +5,8 @@ HOMOFACT_BLENDER=/path/to/blender python scripts/engines/blender_numbers.py out/
 Sphere of 96 pixels under two suns. Cycles (on the processor) and, with --eevee, EEVEE against `render_sphere` of the
 stored fit: median and 99th percentile of the relative difference. With --sky the sphere is under that lat-long map, by
 the closures of the script, against the exact integration (`render_filtered`); the columns are then medians, 99th
-percentiles and the relative RMS, all within .85 of the radius.
+percentiles and the relative RMS, all within .85 of the radius. With --lobes it prints the errors of sums of so many
+lobes under three made skies, for which it needs no Blender.
 """
 
 import argparse
@@ -16,12 +17,14 @@ from pathlib import Path
 import numpy as np
 
 from homofact.containers.formats import format_named
+from homofact.exporting.engine_light import closure_light
 from homofact.exporting.engines.blender import BLENDER, NAME
 from homofact.exporting.exported import Exported, exported
 from homofact.exporting.result import open_result
 from homofact.rendering.environment import read_environment
 from homofact.rendering.filtered import draw_sphere
 from homofact.rendering.light import DEFAULT_LIGHT, DirectionalLight, EnvironmentMap
+from homofact.rendering.made_skies import MADE_SKIES
 from homofact.rendering.surface import RADIUS
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
@@ -65,8 +68,12 @@ def main() -> None:
     parser.add_argument("--sky", type=Path, help="a lat-long map, .hdr or .exr, in place of the suns")
     parser.add_argument("--size", type=int, default=SIZE, help="pixels of a sphere's side")
     parser.add_argument("--samples", type=int, default=1024, help="of Cycles under a sky")
+    parser.add_argument("--lobes", nargs="+", type=int, choices=(1, 2, 3), help="errors of sums of so many lobes")
     parser.add_argument("--pictures", type=Path, help="a folder for strips of pictures")
     asked = parser.parse_args()
+    if asked.lobes:
+        print(lobe_errors(asked.fits, asked.lobes))
+        return
     sky = None if asked.sky is None else read_environment(asked.sky)
     rows, ways = [], ["Cycles", *["EEVEE"] * asked.eevee]
     columns = ("median", "99%") + (("RMS",) if sky else ())
@@ -84,6 +91,17 @@ def main() -> None:
             asked.pictures.mkdir(parents=True, exist_ok=True)
             strip(asked.pictures / f"{place.name}.png", shown)
     print(markdown(("fit", *(f"{way}, {which}" for way in ways for which in columns)), rows))
+
+
+def lobe_errors(places: list[Path], counts: list[int]) -> str:
+    """The table of --lobes."""
+    rows = []
+    for place in places:
+        made = exported(open_result(place), format_named("exr"))
+        for count in counts:
+            errors = closure_light(made.stored, count).errors
+            rows.append([place.name, str(count), *(f"{error:.1%}" for error in errors.values())])
+    return markdown(("fit", "lobes", *MADE_SKIES), rows)
 
 
 def percent(share: float) -> str:

@@ -103,7 +103,7 @@ def drawn(
         "godot": lambda: godot_sphere(driver, place / "b", place / "godot", size, RADIUS, lamps, sky),
         "gltf": lambda: three_sphere(driver, place / "c", place / "gltf", size, RADIUS, lamps, sky, glb=LOOK_ALIKE),
     }
-    titles = dict(zip(draw, PANELS[2:], strict=True))
+    titles: dict[str, str] = dict(zip(draw, PANELS[2:], strict=True))
     if sky is not None and "HOMOFACT_BLENDER" in os.environ:
         titles["blender"] = BLENDER_PANEL
         made["blender"] = made["materialx"]

@@ -75,8 +75,6 @@ def scene_of(request):
 def surroundings(radiance):
     """A world of radiance (rows, columns, 3), the top row first."""
     made = bpy.data.worlds.new("sky")
-    if made.node_tree is None:
-        made.use_nodes = True
     rows, columns, _ = radiance.shape
     image = bpy.data.images.new("sky", columns, rows, alpha=False, float_buffer=True, is_data=True)
     texels = np.ones((rows, columns, 4), np.float32)
