@@ -309,6 +309,7 @@ def _report(
         "scene": file.name,
         "light": file.light.describe(),
         "suns": [sun.record() for sun in file.suns],
+        "lamps": [lamp.record() for lamp in file.lamps],
         "cube": settings.cube,
         "rays": settings.rays,
         "kept": settings.kept if settings.tolerance is None and file.reflected is None else None,

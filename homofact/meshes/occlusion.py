@@ -12,7 +12,7 @@ from homofact.errors import BadInput
 from homofact.files import extras
 
 OFFSET = 1e-4
-_CHUNK = 2**20
+_CHUNK, _FAR = 2**20, 1e37
 
 
 class Occluder:
@@ -35,9 +35,17 @@ class Occluder:
         self.arrays = (np.asarray(positions), np.asarray(triangles))
         self.offset = OFFSET * (extent(np.asarray(positions), triangles) if size is None else size)
 
-    def blocked(self, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
-        """Whether something is in the way (R,) of rays from `origins` (R, 3) along `directions` (R, 3)."""
-        found = [self._scene.run(*part, query="OCCLUDED") == 0 for part in _parts(origins, directions)]
+    def blocked(self, origins: np.ndarray, directions: np.ndarray, lengths: np.ndarray | None = None) -> np.ndarray:
+        """Whether something is in the way (R,) of rays from `origins` (R, 3) along `directions` (R, 3).
+
+        Rays end at `lengths` (R,) of unit directions. Default: never.
+        """
+        found = []
+        for first, part in enumerate(_parts(origins, directions)):
+            ends = None
+            if lengths is not None:
+                ends = np.minimum(lengths[first * _CHUNK : (first + 1) * _CHUNK], _FAR).astype(np.float32)
+            found.append(self._scene.run(*part, dists=ends, query="OCCLUDED") == 0)
         return np.concatenate(found) if found else np.zeros(0, bool)
 
     def first(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -13,6 +13,7 @@ from homofact.relighting.clusters import Clustered, clustered
 from homofact.relighting.factored_material import FactoredMaterial, factored, in_parts
 from homofact.relighting.harmonic import Harmonic, harmonic
 from homofact.relighting.interreflection import ORDER, BounceColours, Interreflection
+from homofact.relighting.lamps import check_lamps
 from homofact.relighting.lit import LitObject
 from homofact.relighting.lobe import SeparateLobe
 from homofact.relighting.lobe_light import sight_words
@@ -38,7 +39,8 @@ _CLUSTERED = 8
 class TransportChoice:
     """How an object's transport will be made: its material's factors and lobe, and what is kept.
 
-    `plan` says why, where the scene has a tolerance; `sun_tables` are those of the material where there are suns.
+    `plan` says why, where the scene has a tolerance; `sun_tables` are those of the material where there are suns or
+    lamps.
     """
 
     material: FactoredMaterial
@@ -52,7 +54,7 @@ class RelitObject:
     """An object with its transport, and its compact form if requested.
 
     `fit` replaces the material if that is a file of measurements, `lobe` is its separate lobe, `sunlight` the light of
-    the scene's suns, and `tint` the effect of a base-colour texture on the material.
+    the scene's suns and lamps, and `tint` the effect of a base-colour texture on the material.
     """
 
     mesh: Mesh
@@ -79,9 +81,9 @@ class RelitObject:
         beside = sum(each.nbytes for each in (self.lobe, self.sunlight, self.tint) if each is not None)
         return stored + self.transport.factors.view.nbytes + beside
 
-    def lit(self, light: np.ndarray, suns: bool = True) -> LitObject:
-        """The object under a cube map of radiance and its suns, by the form that is used."""
-        lit = self.sunlight if suns else None
+    def lit(self, light: np.ndarray, suns: bool = True, lamps: bool = True) -> LitObject:
+        """The object under a cube map of radiance, its suns and its lamps, by the form that is used."""
+        lit = None if self.sunlight is None else self.sunlight.only(suns, lamps)
         return LitObject.of(self.transport, self.compact, self.lobe, light, lit, self.tint)
 
 
@@ -134,9 +136,13 @@ def open_relight_scene(
 ) -> RelightScene:
     """Read the scene and place its objects; `fits` has the fits that replace files of measurements.
 
-    Raises BadInput if a file cannot be read or has more than three channels.
+    Raises BadInput if a file cannot be read or has more than three channels, and for a lamp that touches an object.
     """
-    objects, notes = place_objects(file.objects, file.ground, file.cameras, stage, fits)
+
+    def check(meshes: Sequence[Mesh], plane: Mesh | None) -> None:
+        check_lamps(file.lamps, meshes, plane, file.cameras)
+
+    objects, notes = place_objects(file.objects, file.ground, file.cameras, stage, fits, check)
     notes = (*file.notes, *notes)
     occluder = MeshGroup([placed.mesh for placed in objects]).occluder
     tables = [*file.objects, *([] if file.ground is None else [file.ground])]
@@ -165,7 +171,7 @@ def open_relight_scene(
             rule = (table.terms, table.share, table.error)
             known[key] = factored(reflectance, table.lobe, *rule, light=file.light)
         choices.append(TransportChoice(known[key], file.settings))
-    if file.suns:
+    if file.lights:
         choices = _with_sun_tables(objects, choices, stage)
     bounces = None
     if file.bounces:
@@ -245,7 +251,11 @@ def relit_objects(
         elif file.clusters:
             count = None if file.clusters < 0 else min(file.clusters, made.vertices)
             compact = clustered(made, file.components, clusters=count, seed=file.seed)
-        lit = Sunlight.traced(file.suns, choice.sun_tables, placed.mesh, scene.occluder) if file.suns else None
+        lit = None
+        if file.lights:
+            lit = Sunlight.traced(file.suns, choice.sun_tables, placed.mesh, scene.occluder, file.lamps)
+            if between is not None and file.lamps:
+                lit = replace(lit, bounced=between.from_lamps(placed.mesh, made.factors, file.lamps))
         words, fit = placed.material.words, placed.material.fit
         objects.append(RelitObject(placed.mesh, words, made, compact, fit, lobe, lit, placed.tint))
     return tuple(objects)

@@ -63,7 +63,7 @@ from homofact.rendering.tonemap import choose_exposure
 FINE, _RIM_PART = 4, 4
 _FINE_MAPS, _TRIANGLES = 128, 200
 STAGES = (
-    "terms", "maps", "lobe", "suns", "bounce", "cube", "truncation", "quantisation", "harmonics", "clusters",
+    "terms", "maps", "lobe", "suns", "lamps", "bounce", "cube", "truncation", "quantisation", "harmonics", "clusters",
     "interpolation", "together", "rim", "picture",
 )  # fmt: skip
 
@@ -95,7 +95,7 @@ def dense_colours(scene: RelightScene, light: np.ndarray) -> list[np.ndarray]:
         # An object may be out of the camera's sight as a whole.
         with contextlib.suppress(BadInput):
             seen = seen_vertices(placed.mesh, placed.reflectance, scene.occluder, eye, None, tint=placed.tint)
-            colours[seen.which] = seen.dense(light.astype(np.float64), light.shape[1]) + seen.sunlit(scene.file.suns)
+            colours[seen.which] = seen.dense(light.astype(np.float64), light.shape[1]) + seen.sunlit(scene.file.lights)
             if around is not None:
                 colours[seen.which] += around.bounced(seen, scene.file.light, FEW_NODES)
         found.append(colours)
@@ -109,7 +109,7 @@ def sending_surfaces(scene: RelightScene) -> SendingSurfaces | None:
     meshes, reflectances, tints = zip(
         *((each.mesh, each.reflectance, each.tint) for each in scene.objects), strict=True
     )
-    return SendingSurfaces(meshes, reflectances, scene.occluder, scene.file.suns, tints)
+    return SendingSurfaces(meshes, reflectances, scene.occluder, scene.file.lights, tints)
 
 
 def scene_errors(
@@ -158,18 +158,20 @@ def measured_errors(
         raise BadInput(where="stage", found=repr(unknown[0]), expected=f"one of {', '.join(STAGES)}")
     transport, compact, lobe = relit.transport, relit.compact, relit.lobe
     suns = () if relit.sunlight is None else relit.sunlight.suns
+    lamps = () if relit.sunlight is None else relit.sunlight.lamps
+    lights = (*suns, *lamps)
     size = transport.settings.cube
     radiance = cube.environment_cube(light, size)
-    under_sky, under_suns = seen.dense(radiance, size), seen.sunlit(suns)
+    under_sky, under_suns, under_lamps = seen.dense(radiance, size), seen.sunlit(suns), seen.sunlit(lamps)
     of_bounce = np.zeros_like(under_sky) if around is None else around.bounced(seen, light)
-    truth = under_sky + under_suns + of_bounce
+    truth = under_sky + under_suns + under_lamps + of_bounce
     if not (truth != 0).any():
         raise BadInput("none reaches the vertices that are seen", where="light", expected="some")
     errors: dict[str, float] = {}
     factors = transport.factors
     part = FactoredMaterial(factors, None if lobe is None else lobe.table).part(seen.reflectance)
     # What a part errs by counts against the light of all.
-    apart = partial(relative, weights=seen.weights, of=None if lobe is None and not suns and around is None else truth)
+    apart = partial(relative, weights=seen.weights, of=None if lobe is None and not lights and around is None else truth)
     if {"terms", "maps"} & {*stages}:
         exact = seen.dense(radiance, size, _fine(part, factors))
         if "terms" in stages:
@@ -194,27 +196,28 @@ def measured_errors(
     own = used.lobe_at(_vertices(seen))
     if lobe is not None and "lobe" in stages:
         errors["lobe"] = apart(own, seen.dense(radiance, size, lobe.table.in_parts))
-    by_suns = used.suns_at(_vertices(seen))
-    if suns and "suns" in stages:
-        errors["suns"] = apart(by_suns, under_suns)
+    by_suns, by_lamps = (used.only_beside(*kind).suns_at(_vertices(seen)) for kind in ((True, False), (False, True)))
+    for stage, kind, by_these, exact in (("suns", suns, by_suns, under_suns), ("lamps", lamps, by_lamps, under_lamps)):
+        if kind and stage in stages:
+            errors[stage] = apart(by_these, exact)
     if around is not None and "bounce" in stages:
         errors["bounce"] = apart(_seen_of(seen, factors, used.tuples, slice(factors.direct, None)), of_bounce)
-    shown = shown + own + by_suns
+    shown = shown + own + by_suns + by_lamps
     if "interpolation" in stages:
         errors["interpolation"] = _interpolation(seen, part, radiance, size)
     if "together" in stages:
         errors["together"] = apart(shown, truth)
     if rim is not None:
         at_rim = _seen_of(rim, factors, used.tuples) + used.lobe_at(_vertices(rim)) + used.suns_at(_vertices(rim))
-        at_all = rim.dense(radiance, size) + rim.sunlit(suns)
+        at_all = rim.dense(radiance, size) + rim.sunlit(lights)
         at_all += 0.0 if around is None else around.bounced(rim, light)
         errors["rim"] = relative(at_rim, at_all)
     psnr = None
     if pixels is not None:
         points = pixels.lit_points(relit.mesh)
-        mixed = used.between(pixels.mixture, seen.eye, points.seen(suns, seen.occluder, SAMPLES))
+        mixed = used.between(pixels.mixture, seen.eye, points.seen(lights, seen.occluder, SAMPLES))
         exact = pixels.points.dense(radiance, size)
-        exact += summed(seen.reflectance, suns, points, pixels.points.wo, seen.occluder, pixels.points.tint)
+        exact += summed(seen.reflectance, lights, points, pixels.points.wo, seen.occluder, pixels.points.tint)
         exact += 0.0 if around is None else around.bounced(pixels.points, light)
         errors["picture"], psnr = relative(mixed, exact), _psnr(mixed, exact)
     below = float(np.maximum(-shown, 0).sum() / np.abs(shown).sum())

@@ -19,6 +19,9 @@ The directions that meet surfaces come from a cube map of at most `OUTER` texels
 surfaces have `INNER` texels: light that is integrated over two hemispheres is smooth. The Haar coefficients of a coarse
 map are the first ones of a finer map, times a power of 2. Only for this light, a sun is spread over a disc of
 `SUN_RADIUS`.
+
+A lamp is not part of the sky: surfaces near it receive more. Under each lamp E is computed at every vertex of the
+scene, and T takes E/π in place of the sum over texels: one number per vertex, term and lamp (`from_lamps`).
 """
 
 from collections.abc import Callable, Sequence
@@ -27,14 +30,17 @@ from functools import cached_property
 
 import numpy as np
 
+from homofact.brdf.analytic import Lambert
 from homofact.linear.threads import in_parallel
 from homofact.meshes.mesh import Mesh
 from homofact.meshes.occlusion import Occluder
+from homofact.meshes.tangents import frames
 from homofact.relighting import cube
 from homofact.relighting.factors import InOutFactors
 from homofact.relighting.haar import transform_faces
+from homofact.relighting.lamps import Lamp
 from homofact.relighting.smooth_response import modes, zernike
-from homofact.relighting.sunlight import Sun
+from homofact.relighting.sunlight import LitPoints, Sun, summed
 from homofact.relighting.tracer import Tracer
 
 OUTER, INNER, _INNER_RAYS = 16, 8, 2
@@ -150,8 +156,13 @@ class Interreflection:
         angles = np.tile(cube.solid_angles(OUTER).reshape(-1), cube.FACES)
         return cube.directions(OUTER).reshape(-1, 3), angles
 
-    def received(self, position: np.ndarray, frame: np.ndarray, count: int) -> np.ndarray:
-        """T (J·R, 6·m²) of a point in the world with a frame (3, 3), by `count` = J polynomials."""
+    def received(
+        self, position: np.ndarray, frame: np.ndarray, count: int, light: np.ndarray | None = None
+    ) -> np.ndarray:
+        """T (J·R, 6·m²) of a point in the world with a frame (3, 3), by `count` = J polynomials.
+
+        With `light` (W, L), what this light of the surfaces' vertices, E/π, adds to the terms: (J·R, L).
+        """
         w, angles = self._outer
         wi = w @ frame.T.astype(np.float64)
         above = np.flatnonzero(wi[:, 2] > 0)
@@ -168,7 +179,7 @@ class Interreflection:
         sent = np.zeros((len(used), count))
         np.add.at(sent, place.reshape(-1), (polynomials.T[:, None] * shares[..., None]).reshape(-1, count))
         each = (sent[:, :, None] * self.shares[used][:, None]).reshape(len(used), count * self.colours)
-        return each.astype(np.float32).T @ self.seen[used]
+        return each.astype(np.float32).T @ (self.seen if light is None else light)[used]
 
     def vectors(self, position: np.ndarray, frame: np.ndarray, terms: int, size: int) -> np.ndarray:
         """The Haar coefficients (J·R, 6·n²) float32 of `received` on a cube map of n texels along a face."""
@@ -178,19 +189,33 @@ class Interreflection:
         out[:, :, :INNER, :INNER] = coarse.reshape(terms, cube.FACES, INNER, INNER)
         return out.reshape(terms, -1) * np.float32(INNER / size)
 
+    def from_lamps(self, mesh: Mesh, factors: InOutFactors, lamps: Sequence[Lamp]) -> np.ndarray:
+        """The terms of interreflection (V, B, L) float32 of a mesh's vertices under each lamp of intensity 1."""
+        positions, rows = self.occluder.arrays[0], frames(self.normals)
+        points = LitPoints(positions + self.occluder.offset * self.normals, rows)
+        up, white = np.broadcast_to(np.array([0.0, 0.0, 1.0]), positions.shape), Lambert((1.0, 1.0, 1.0))
+        ones = [replace(lamp, intensity=np.ones(3)) for lamp in lamps]
+        light = np.stack([summed(white, [one], points, up, self.occluder)[:, 0] for one in ones], 1).astype(np.float32)
+        own, parts = frames(mesh.normals), 2 if factors.tinted else 1
+        found = np.zeros((len(own), factors.bounced, len(lamps)), np.float32)
 
-def widened(sun: Sun) -> Sun:
-    """The sun as surfaces send its light on: over a disc of `SUN_RADIUS` at least, with the irradiance it has."""
-    return replace(sun, radius=max(sun.radius, SUN_RADIUS))
+        def block(first: int) -> None:
+            for v in range(first, min(first + _BLOCK, len(own))):
+                count = factors.bounced // parts // self.colours
+                found[v] = np.tile(self.received(mesh.positions[v], own[v], count, light), (parts, 1))
+
+        in_parallel(block, list(range(0, len(own), _BLOCK)))
+        return found
 
 
 def spread_suns(suns: Sequence[Sun], size: int) -> np.ndarray:
-    """Radiance (6, n, n, 3) on a cube map of suns that are `widened`: that of the texels of `INNER`."""
+    """Radiance (6, n, n, 3) on a cube map of suns that are at least `SUN_RADIUS` wide: of the texels of `INNER`."""
     total = cube.FACES * INNER**2
     found = np.zeros((total, 3))
     for sun in suns:
-        at = cube.texel_of(widened(sun).directions(_SUN_RAYS), INNER)
-        found += (np.bincount(at, minlength=total) / _SUN_RAYS)[:, None] * sun.irradiance
+        cone = sun.cones(np.zeros((1, 3))).widened(SUN_RADIUS)
+        at = cube.texel_of(cone.directions(_SUN_RAYS)[0], INNER)
+        found += (np.bincount(at, minlength=total) / _SUN_RAYS)[:, None] * cone.flux[0]
     found /= np.tile(cube.solid_angles(INNER).reshape(-1), cube.FACES)[:, None]
     times = size // INNER
     return found.reshape(cube.FACES, INNER, INNER, 3).repeat(times, 1).repeat(times, 2)

@@ -1,7 +1,7 @@
 """An object under a light: what its vertices and the points between them send to an eye, by the form that is held."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -41,12 +41,15 @@ class LitObject:
         sunlight: Sunlight | None = None,
         tint: SurfaceTint | None = None,
     ) -> "LitObject":
-        """Under a light, by the compact form where there is one, and suns. Raises BadInput for no light."""
+        """Under a light, by the compact form where there is one, suns and lamps. Raises BadInput for no light."""
         cells = None if lobe is None else LightCells.of(light_cube(light, transport.settings.cube))
         tuples, bounced = lit_tuples(transport, compact, light), transport.factors.bounced
-        if bounced and sunlight is not None:
+        if bounced and sunlight is not None and sunlight.suns:
             spread = spread_suns(sunlight.suns, transport.settings.cube)
             tuples[:, -bounced:] += lit_tuples(transport, compact, spread)[:, -bounced:]
+        if bounced and sunlight is not None and sunlight.bounced is not None:
+            levels = np.stack([lamp.intensity for lamp in sunlight.lamps])
+            tuples[:, -bounced:] += (sunlight.bounced @ levels).astype(np.float32)
         return cls(transport, tuples, lobe, cells, sunlight, tint)
 
     def terms(self, eye: Sequence[float] | np.ndarray) -> np.ndarray:
@@ -80,11 +83,19 @@ class LitObject:
         return 1.0 if self.tint is None else table.under(self.tint.between(points.corners, points.shares), points.wo)
 
     def suns_at(self, points: SurfacePoints, seen: np.ndarray | None = None) -> np.ndarray:
-        """Return the radiance (S, 3) by suns, whose visible parts are `seen` (S, Q). Default: mixed from vertices."""
+        """Return the radiance (S, 3) by suns and lamps, whose visible parts are `seen` (S, Q).
+
+        By default these are mixed from the vertices.
+        """
         if self.sunlight is None:
             return np.zeros((len(points.frames), 3))
         tint = None if self.tint is None else self.tint.between(points.corners, points.shares)
-        return self.sunlight.at(points, points.mixed(self.sunlight.seen) if seen is None else seen, tint)
+        parts = points.mixed(self.sunlight.seen) if seen is None else seen
+        return self.sunlight.at(points, self.transport.positions, parts, tint)
+
+    def only_beside(self, suns: bool, lamps: bool) -> "LitObject":
+        """The same with the suns alone, the lamps alone, both or none beside the sky."""
+        return replace(self, sunlight=None if self.sunlight is None else self.sunlight.only(suns, lamps))
 
     def shade(self, eye: Sequence[float] | np.ndarray) -> np.ndarray:
         """Radiance (V, 3) float32 of the vertices towards a point `eye` (3,); negative residues stay in it."""

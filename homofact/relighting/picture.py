@@ -2,7 +2,8 @@
 
 As a graphics card does with colours at vertices, and as Wang et al. show their results. A separate lobe is summed at
 each pixel itself: between vertices its normal turns by more than it is wide. Suns and their shadows are computed for
-each ray. There are four rays per pixel, and the background is the environment itself with the suns' discs.
+each ray, and so are lamps. There are four rays per pixel, and the background is the environment itself with the suns'
+discs. Lamps themselves are seen before what is behind them.
 """
 
 from collections.abc import Sequence
@@ -24,7 +25,7 @@ from homofact.scene.meshes import MeshGroup, faded
 
 _RAYS = 2
 _LEAST_COSINE, _STEEP = 0.02, 0.3
-_SHADOW_RAYS = 8  # to a sun, from each of a pixel's four points
+_SHADOW_RAYS = 8  # to a sun or lamp, from each of a pixel's four points
 
 
 def picture(
@@ -38,19 +39,21 @@ def picture(
     """(radiance (H, W, 3) float64, the part of each pixel that objects cover (H, W)).
 
     `colours` are the vertices' radiance (V, 3) towards the camera; `occluder` holds the meshes in this order. The lobes
-    and the suns of the objects that are `lit`, in this order too, are added pixel by pixel, and textures are read at
-    each of its rays. A level plane ends softly.
+    and the suns and lamps of the objects that are `lit`, in this order too, are added pixel by pixel, and textures are
+    read at each of its rays. A level plane ends softly.
     """
     w = camera.rays(_RAYS)
     shape = w.shape[:3]
     flat = w.reshape(-1, 3)
     triangle, weights = occluder.first(np.array(camera.eye)[None], flat)
-    corners = MeshGroup(meshes).triangles
+    group = MeshGroup(meshes)
+    corners = group.triangles
     values = np.concatenate(colours).astype(np.float64)
     hit = triangle >= 0
     behind = np.broadcast_to(light.look_up(torch.from_numpy(flat))[0].numpy(), flat.shape)
-    suns = lit[0].sunlight.suns if lit and lit[0].sunlight is not None else ()
-    for sun in suns:
+    beside = lit[0].sunlight if lit else None
+    lights = () if beside is None else beside.lights
+    for sun in () if beside is None else beside.suns:
         behind = behind + np.where(flat @ sun.direction > np.cos(sun.radius), 1.0, 0.0)[:, None] * sun.radiance()
     found, cover = behind.copy(), hit.astype(np.float64)
     found[hit] = (values[corners[triangle[hit]]] * weights[hit][..., None]).sum(1)
@@ -59,14 +62,14 @@ def picture(
         rays = np.flatnonzero((triangle >= first) & (triangle < first + len(mesh.triangles)))
         own, shares = triangle[rays] - first, weights[rays]
         first += len(mesh.triangles)
-        if lit and (lit[number].lobe is not None or lit[number].tint is not None or suns):
+        if lit and (lit[number].lobe is not None or lit[number].tint is not None or lights):
             points = surface_points(mesh, own, shares, -flat[rays])
             if lit[number].tint is not None:
                 found[rays] = lit[number].terms_at(points, camera.eye)
             if lit[number].lobe is not None:
                 found[rays] += _lobe(lit[number], points, rays, shape[2])
-            if suns:
-                seen = LitPoints.on(mesh, points, occluder.offset).seen(suns, occluder, _SHADOW_RAYS, seed=number)
+            if lights:
+                seen = LitPoints.on(mesh, points, occluder.offset).seen(lights, occluder, _SHADOW_RAYS, seed=number)
                 found[rays] += lit[number].suns_at(points, seen)
         ends = faded(mesh)
         if ends is not None:
@@ -75,6 +78,14 @@ def picture(
             clear = x * x * (3 - 2 * x)
             found[rays] += clear[:, None] * (behind[rays] - found[rays])
             cover[rays] -= clear
+    if beside is not None and beside.lamps:
+        eye, far = np.array(camera.eye), np.full(len(flat), np.inf)
+        at = (group.positions[corners[triangle[hit]]] * weights[hit][..., None]).sum(1)
+        far[hit] = np.linalg.norm(at - eye, axis=1)
+        for lamp in beside.lamps:
+            met = lamp.met(eye, flat)
+            nearest = met < far
+            found[nearest], cover[nearest], far[nearest] = lamp.radiance(), 0.0, met[nearest]
     return found.reshape(*shape, 3).mean(2), cover.reshape(shape).mean(2)
 
 

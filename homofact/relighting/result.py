@@ -17,6 +17,7 @@ from homofact.relighting.build import RelitObject
 from homofact.relighting.cube import environment_cube
 from homofact.relighting.harmonic import Harmonic
 from homofact.relighting.page.skies import PageSky, page_sky
+from homofact.relighting.lamps import Lamp
 from homofact.relighting.plan import ObjectPlan
 from homofact.relighting.relight import Light, opened_light
 from homofact.relighting.saved import (
@@ -35,8 +36,8 @@ from homofact.scene.folders import read_scene_archive, report_name, write_scene_
 
 REPORT = report_name(RELIT)
 _EXPECTED = "a relit scene that homofact wrote"
-_FORMAT, _VERSION = "homofact relit scene", 4
-_OLDEST = 3  # without suns
+_FORMAT, _VERSION = "homofact relit scene", 5
+_OLDEST = 3  # without suns; 4 without lamps
 
 
 @dataclass(frozen=True)
@@ -96,22 +97,32 @@ class RelightResult:
 
     @property
     def suns(self) -> tuple[Sun, ...]:
-        """The lights beside the sky."""
+        """The suns beside the sky."""
         lit = self.objects[0].sunlight if self.objects else None
         return () if lit is None else lit.suns
 
-    def shade(self, light: Light, eye: Sequence[float], suns: bool = False) -> list[np.ndarray]:
+    @property
+    def lamps(self) -> tuple[Lamp, ...]:
+        """The lamps beside the sky."""
+        lit = self.objects[0].sunlight if self.objects else None
+        return () if lit is None else lit.lamps
+
+    def shade(
+        self, light: Light, eye: Sequence[float], suns: bool = False, lamps: bool = True
+    ) -> list[np.ndarray]:
         """Return the radiance (V, 3) of each object's vertices towards the point `eye`, under another light.
 
         A light is an `EnvironmentMap`, a cube map of radiance, a .hdr or .exr file, or the name of a built-in one. If
-        `suns`, the suns of the scene are added. Raises BadInput for other lights and points.
+        `suns`, the suns of the scene's own sky are added; its `lamps` shine under every sky unless they are off. Raises
+        BadInput for other lights and points.
         """
         opened = opened_light(light)
         sizes = [thing.transport.settings.cube for thing in self.objects]
         cubes = {
             size: opened if isinstance(opened, np.ndarray) else environment_cube(opened, size) for size in {*sizes}
         }
-        return [thing.lit(cubes[size], suns).shade(eye) for thing, size in zip(self.objects, sizes, strict=True)]
+        pairs = zip(self.objects, sizes, strict=True)
+        return [thing.lit(cubes[size], suns, lamps).shade(eye) for thing, size in pairs]
 
     def save(self, folder: str | os.PathLike[str], force: bool = False) -> None:
         """Write the folder that `homofact view` shows, whole or not at all; `force` replaces one that is there.
@@ -147,6 +158,8 @@ def save_scene(file: Path, scene: RelightResult) -> None:
         if each.sunlight is not None:
             own |= {f"sun_values_{k}": table.values for k, table in enumerate(each.sunlight.tables)}
             own["sun_seen"] = each.sunlight.seen
+            if each.sunlight.bounced is not None:
+                own["lamp_bounced"] = each.sunlight.bounced
         if each.tint is not None:
             own |= {"tints": each.tint.tints, "uv": each.tint.uv}
         arrays |= {f"object_{number}_{name}": array for name, array in own.items()}
@@ -171,6 +184,7 @@ def save_scene(file: Path, scene: RelightResult) -> None:
         "name": scene.name,
         "sky": sky.name,
         "suns": [sun.record() for sun in scene.suns],
+        "lamps": [lamp.record() for lamp in scene.lamps],
         "objects": entries,
         "cameras": [_camera_record(camera) for camera in scene.cameras],
         "report": scene.report,

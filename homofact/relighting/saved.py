@@ -18,12 +18,13 @@ from homofact.relighting.build import RelitObject
 from homofact.relighting.clusters import Clustered
 from homofact.relighting.factors import InOutFactors
 from homofact.relighting.harmonic import MOST_ORDER, Harmonic
+from homofact.relighting.lamps import MOST_RADIUS, Lamp
 from homofact.relighting.lobe import SeparateLobe
 from homofact.relighting.lobe_light import sight_words
 from homofact.relighting.lobe_table import LobeTable
 from homofact.relighting.page.skies import PageSky
 from homofact.relighting.precompute import TransportSettings, WaveletTransport
-from homofact.relighting.sunlight import MOST_SUNS, Sun, Sunlight
+from homofact.relighting.sunlight import MOST_LIGHTS, Sun, Sunlight
 from homofact.rendering.light import LEAST_LIGHT, MOST_LIGHT
 from homofact.scene.cameras import Camera
 from homofact.scene.tint import SurfaceTint
@@ -69,8 +70,10 @@ class Part:
         return BadInput(f"{self._prefix}{name} {found}", where=self._arrays.path, expected=expected)
 
 
-def read_object(arrays: Arrays, number: int, entry: Fields, suns: tuple[Sun, ...] = ()) -> RelitObject:
-    """An object with its transport, its compact form where it has one, and the scene's suns. Raises BadInput."""
+def read_object(
+    arrays: Arrays, number: int, entry: Fields, suns: tuple[Sun, ...] = (), lamps: tuple[Lamp, ...] = ()
+) -> RelitObject:
+    """An object with its transport, its compact form where it has one, the scene's suns and lamps. Raises BadInput."""
     part = Part(arrays, f"object_{number}_")
     settings = _settings(entry.inner("settings"))
     channels = tuple(entry.texts("channels", 3))
@@ -93,7 +96,7 @@ def read_object(arrays: Arrays, number: int, entry: Fields, suns: tuple[Sun, ...
     positions, rows = mesh.positions.astype(np.float32), part.rotations("frames", count)
     made = WaveletTransport(positions, rows, factors, settings, *_vectors(part, count * terms, settings))
     lobe = _lobe(part, entry, made) if entry.found.get("lobe") is not None else None
-    lit = _sunlight(part, entry, suns, count) if suns else None
+    lit = _sunlight(part, entry, suns, lamps, made) if suns or lamps else None
     tint = None
     if tinted:
         texture = part.floats("tints", (None, None, 3), least=0.0)
@@ -103,21 +106,43 @@ def read_object(arrays: Arrays, number: int, entry: Fields, suns: tuple[Sun, ...
 
 
 def read_suns(fields: Fields) -> tuple[Sun, ...]:
-    """The lights beside the sky. Raises BadInput."""
+    """The suns beside the sky. Raises BadInput."""
     found: list[Sun] = []
     if not fields.found.get("suns"):
         return ()
-    for entry in fields.inners("suns", MOST_SUNS):
-        towards, light = (np.array(entry.numbers(name, 3)) for name in ("direction", "irradiance"))
+    for entry in fields.inners("suns", MOST_LIGHTS):
+        towards, light = np.array(entry.numbers("direction", 3)), _levels(entry, "irradiance")
         if abs(np.linalg.norm(towards) - 1) > 1e-3:
             entry.refuse("direction", "a unit vector")
-        if not (light >= 0).all() or not light.any() or float(light.max()) > MOST_LIGHT:
-            entry.refuse("irradiance", f"three numbers from 0 to {MOST_LIGHT:g}, some above 0")
         radius = entry.number("radius", above=0)
         if radius > math.pi / 4:
             entry.refuse("radius", "at most π/4")
         found.append(Sun(towards, light, radius))
     return tuple(found)
+
+
+def read_lamps(fields: Fields, suns: int) -> tuple[Lamp, ...]:
+    """The lamps beside so many suns. Raises BadInput."""
+    found: list[Lamp] = []
+    if not fields.found.get("lamps"):
+        return ()
+    for entry in fields.inners("lamps", MOST_LIGHTS - suns):
+        position = np.array(entry.numbers("position", 3))
+        if not (np.abs(position) < MOST_VALUE).all():
+            entry.refuse("position", f"numbers below {MOST_VALUE:g}")
+        radius = entry.number("radius", above=0)
+        if radius > MOST_RADIUS:
+            entry.refuse("radius", f"at most {MOST_RADIUS:g}")
+        found.append(Lamp(position, radius, _levels(entry, "intensity")))
+    return tuple(found)
+
+
+def _levels(entry: Fields, name: str) -> np.ndarray:
+    """Red, green and blue of a light (3,). Raises BadInput."""
+    light = np.array(entry.numbers(name, 3))
+    if not (light >= 0).all() or not light.any() or float(light.max()) > MOST_LIGHT:
+        entry.refuse(name, f"three numbers from 0 to {MOST_LIGHT:g}, some above 0")
+    return light
 
 
 def read_sky(arrays: Arrays, name: str) -> PageSky:
@@ -179,7 +204,8 @@ def read_objects(arrays: Arrays, fields: Fields) -> tuple[RelitObject, ...]:
     """All objects. Raises BadInput."""
     entries = fields.inners("objects", _MOST_OBJECTS)
     suns = read_suns(fields)
-    return tuple(read_object(arrays, number, entry, suns) for number, entry in enumerate(entries))
+    lamps = read_lamps(fields, len(suns))
+    return tuple(read_object(arrays, number, entry, suns, lamps) for number, entry in enumerate(entries))
 
 
 def _settings(entry: Fields) -> TransportSettings:
@@ -231,10 +257,16 @@ def _table(part: Part, name: str, numbers: Fields) -> LobeTable:
     return LobeTable(values, width, period, cosine=cosine, tinted=tinted)
 
 
-def _sunlight(part: Part, entry: Fields, suns: tuple[Sun, ...], count: int) -> Sunlight:
+def _sunlight(
+    part: Part, entry: Fields, suns: tuple[Sun, ...], lamps: tuple[Lamp, ...], made: WaveletTransport
+) -> Sunlight:
     numbers = entry.inners("sun_tables", _MOST_TABLES)
     tables = tuple(_table(part, f"sun_values_{k}", each) for k, each in enumerate(numbers))
-    return Sunlight(suns, tables, part.floats("sun_seen", (count, len(suns)), 1.0, 0.0))
+    seen = part.floats("sun_seen", (made.vertices, len(suns) + len(lamps)), 1.0, 0.0)
+    bounced = None
+    if lamps and made.factors.bounced:
+        bounced = part.floats("lamp_bounced", (made.vertices, made.factors.bounced, len(lamps)))
+    return Sunlight(suns, tables, seen, lamps, bounced)
 
 
 def _compact(part: Part, entry: Fields, made: WaveletTransport) -> Harmonic | Clustered | None:

@@ -17,6 +17,10 @@ sun_radius = 0.27                  # of its disc in degrees. Default: as in the 
 direction = [0.3, 0.8, 0.5]        # towards the sun, y up
 irradiance = [3.1]                 # on a surface that faces it: one number, or one of red, green and blue
 radius = 0.27                      # of its disc, in degrees. Default: the radius of the sun
+[[lamp]]                           # none or more: glowing spheres
+position = [0.8, 1.2, 0.6]         # of the middle, y up, outside all objects
+radius = 0.1                       # of the sphere, in the scene's units
+intensity = [3.1]                  # a surface that faces it at the distance d has the irradiance intensity/d²
 [transport]                        # all optional
 cube = 64                          # texels along a face of the cube map: 8, 16, 32 or 64
 rays = 1                           # across a texel, 1 or 2
@@ -36,11 +40,13 @@ from pathlib import Path
 from homofact.errors import BadInput
 from homofact.files.reading import read_toml
 from homofact.relighting.clusters import COMPONENTS
+from homofact.relighting.cones import RoundLight
 from homofact.relighting.factored_material import AUTO, LOBES, SEPARATE
 from homofact.relighting.factoring import MOST_TERMS
+from homofact.relighting.lamps import Lamp, LampTable
 from homofact.relighting.map_sun import separate_sun
 from homofact.relighting.precompute import KEPT, TransportSettings
-from homofact.relighting.sunlight import MOST_SUNS, RelightSunTable, Sun
+from homofact.relighting.sunlight import MOST_LIGHTS, RelightSunTable, Sun
 from homofact.rendering.light import EnvironmentMap
 from homofact.scene.cameras import Camera
 from homofact.scene.lighting import LightTable
@@ -122,6 +128,7 @@ class RelightSceneTable(SceneTable):
     lighting: RelightLightTable
     ground: RelightGroundTable | None = None
     sun: tuple[RelightSunTable, ...] = ()
+    lamp: tuple[LampTable, ...] = ()
     transport: _Transport = _Transport()
     tolerance: _Tolerance | None = None
     seed: int = option(0, "Seed of the clusters and of the vertices where errors are measured", least=0, most=MOST_SEED)
@@ -157,6 +164,12 @@ class RelightSceneFile:
     suns: tuple[Sun, ...] = ()
     notes: tuple[str, ...] = ()
     bounces: int = 0
+    lamps: tuple[Lamp, ...] = ()
+
+    @property
+    def lights(self) -> tuple[RoundLight, ...]:
+        """What shines beside the sky: suns, then lamps."""
+        return (*self.suns, *self.lamps)
 
 
 def read_relight_scene(path: str | Path) -> RelightSceneFile:
@@ -185,14 +198,16 @@ def read_relight_scene(path: str | Path) -> RelightSceneFile:
             if own is not None:
                 suns.append(own)
                 notes.append(f"{light.name}: its sun is a light of its own, {own.describe()}")
-        if len(suns) > MOST_SUNS:
-            found_suns = f"{len(suns)} with that of the map"
-            raise BadInput(where="sun", found=found_suns, expected=f"at most {MOST_SUNS}")
+        if len(suns) + len(found.lamp) > MOST_LIGHTS:
+            where, words = ("lamp", "suns and lamps") if found.lamp else ("sun", "with that of the map")
+            found_lights = f"{len(suns) + len(found.lamp)} {words}"
+            raise BadInput(where=where, found=found_lights, expected=f"at most {MOST_LIGHTS}")
     except BadInput as error:
         raise error.at(file) from error
     return RelightSceneFile(
         file.stem, objects, ground, light, found.camera, settings, asked.clusters or 0, asked.components, found.seed,
         None if found.tolerance is None else found.tolerance.reflected, tuple(suns), tuple(notes), asked.bounces,
+        tuple(each.lamp() for each in found.lamp),
     )  # fmt: skip
 
 

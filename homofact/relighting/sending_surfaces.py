@@ -2,7 +2,7 @@
 
 Directions that follow the lobe of the point (`geometry.quadrature`) are traced to the surfaces they hit. The light that
 such a surface sends back is the sum over the texels of a coarse cube map of the sky, with the surface's own reflectance
-and shadows, and the light of suns, which are `widened` so that a mirror image of a sun covers several directions. The
+and shadows, and the light of suns and lamps, which are widened so that their mirror images cover several directions. The
 reflectance of the point is then applied to this light. No surface is assumed to be matt.
 """
 
@@ -20,9 +20,10 @@ from homofact.meshes.mesh import Mesh
 from homofact.meshes.occlusion import Occluder
 from homofact.meshes.tangents import frames
 from homofact.relighting import cube
-from homofact.relighting.interreflection import widened
+from homofact.relighting.cones import RoundLight
+from homofact.relighting.interreflection import SUN_RADIUS
 from homofact.relighting.seen import SeenVertices
-from homofact.relighting.sunlight import LitPoints, Sun
+from homofact.relighting.sunlight import LitPoints
 from homofact.rendering.light import EnvironmentMap
 from homofact.scene.tint import SurfaceTint
 
@@ -34,17 +35,19 @@ _LEAST_COSINE = 0.01
 
 @dataclass(frozen=True)
 class SendingSurfaces:
-    """Meshes in the occluder's order, each of its reflectance and with its texture's tint, under `suns` and any sky."""
+    """Meshes in the occluder's order, each of its reflectance and with its texture's tint, under `lights` and any sky."""
 
     meshes: Sequence[Mesh]
     reflectances: Sequence[Reflectance]
     occluder: Occluder
-    suns: Sequence[Sun] = ()
+    lights: Sequence[RoundLight] = ()
     tints: Sequence[SurfaceTint | None] | None = None
 
     def bounced(self, seen: SeenVertices, light: EnvironmentMap, nodes: int = NODES, inner: int = INNER) -> np.ndarray:
         """Radiance (S, 3) towards the eye of light that reaches the points by way of one other surface."""
-        lights = self._lights(cube.environment_cube(light, inner))
+        radiance = cube.environment_cube(light, inner).reshape(-1, 3)
+        angles = np.tile(cube.solid_angles(inner).reshape(-1), cube.FACES)
+        lights = cube.directions(inner).reshape(-1, 3), radiance * angles[:, None]
         found = np.zeros((len(seen.which), 3))
         for s, v in enumerate(seen.which.tolist()):
             wo = torch.from_numpy(seen.wo[s]).clone()
@@ -87,16 +90,6 @@ class SendingSurfaces:
             found[own] = self._lit(points, reflectance, tint, view, w, flux)
         return found
 
-    def _lights(self, radiance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(directions (L, 3), flux (L, 3)) of a cube map's texels and of the suns, `_SUN_RAYS` each."""
-        size = radiance.shape[1]
-        angles = np.tile(cube.solid_angles(size).reshape(-1), cube.FACES)
-        w, flux = [cube.directions(size).reshape(-1, 3)], [radiance.reshape(-1, 3) * angles[:, None]]
-        for sun in self.suns:
-            w.append(widened(sun).directions(_SUN_RAYS))
-            flux.append(np.broadcast_to(sun.irradiance / _SUN_RAYS, (_SUN_RAYS, 3)))
-        return np.concatenate(w), np.concatenate(flux)
-
     def _lit(
         self,
         points: LitPoints,
@@ -108,10 +101,17 @@ class SendingSurfaces:
     ) -> np.ndarray:
         """The sum (H, 3) over the lights that points see, all of them at once; `tint` (H, 3) is that of a texture."""
         row, light = np.nonzero(points.frames[:, 2] @ w.T > 0)
-        clear = ~self.occluder.blocked(points.origins[row], w[light])
-        row, light = row[clear], light[clear]
-        wi = np.einsum("sij,sj->si", points.frames[row], w[light])
+        pairs = [(row, w[light], flux[light], np.full(len(row), np.inf))]
+        for each in self.lights:
+            cones = each.cones(points.origins).widened(SUN_RADIUS)
+            towards = cones.directions(_SUN_RAYS)
+            row, ray = np.nonzero(np.einsum("srj,sj->sr", towards, points.frames[:, 2]) > 0)
+            pairs.append((row, towards[row, ray], cones.flux[row] / _SUN_RAYS, cones.lengths(towards)[row, ray]))
+        row, towards, flux, ends = (np.concatenate(each) for each in zip(*pairs, strict=True))
+        clear = ~self.occluder.blocked(points.origins[row], towards, ends)
+        row, towards, flux = row[clear], towards[clear], flux[clear]
+        wi = np.einsum("sij,sj->si", points.frames[row], towards)
         own = None if tint is None else torch.from_numpy(tint[row])
         f = values_under(reflectance, own, torch.from_numpy(wi), torch.from_numpy(view[row])).double().numpy()
-        sent = f * wi[:, 2:] * flux[light]
+        sent = f * wi[:, 2:] * flux
         return np.stack([np.bincount(row, sent[:, c], len(view)) for c in range(3)], 1)

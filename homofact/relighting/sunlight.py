@@ -1,9 +1,10 @@
-"""Suns beside the sky of a relit scene: explicit lights with soft shadows, not texels of its cube map.
+"""Suns and lamps beside the sky of a relit scene: explicit lights with soft shadows, not texels of its cube map.
 
 A texel of a cube map of 64² is 1.4° wide, three times the sun: its shadow is too soft, and wavelets ring about it. So a
-sun is summed separately: E(ω) f(ω, ωo) cosθ times the part of its disc that is visible from a point. f is read from
-tables (`lobe_table.sun_tables`), for the middle of the disc or, if the disc is wider than the lobe, for several of its
-directions. The visible part of the disc is traced once for every vertex, and in pictures for each ray of a pixel.
+sun is summed separately, and so is a lamp (`lamps`): L f(ω, ωo) cosθ over the cone that it fills (`cones`), times the
+visible part of that cone above the surface. f is read from tables (`lobe_table.sun_tables`), for the middle of the cone
+or, if the cone is wider than the lobe, for several of its directions. The visible part of the cone is traced once for
+every vertex, and in pictures for each ray of a pixel.
 
 A ray from a flat triangle below an interpolated normal meets its neighbours near the terminator. It starts from the
 point lifted to the tangent planes of its corners (Hanika 2021, Hacking the Shadow Terminator): of each corner v with
@@ -11,8 +12,8 @@ normal n the part of n that lies above, max(0, (v − p)·n), mixed as the point
 """
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -22,16 +23,21 @@ from homofact.brdf.tinted import values_under
 from homofact.meshes.mesh import Mesh
 from homofact.meshes.occlusion import Occluder
 from homofact.meshes.tangents import frames
+from homofact.relighting.cones import LightCones, RoundLight
+from homofact.relighting.lamps import Lamp
 from homofact.relighting.lobe import SurfacePoints
-from homofact.relighting.lobe_table import LobeTable
+from homofact.relighting.lobe_table import LobeTable, half_width
 from homofact.scene.suns import SunTable
 from homofact.settings.options import option
 
 # Of the sun in the sky, in degrees.
 RADIUS = 0.2665
-MOST_SUNS = 8  # as the page has them too
-SAMPLES, MOST_DIRECTIONS, _SPREAD = 64, 32, 2.399963229728653
-_VERTEX_ROWS = 65536
+MOST_LIGHTS = 8  # suns and lamps, as the page has them too
+SAMPLES, MOST_SAMPLES, MOST_DIRECTIONS = 64, 1024, 32
+# In radians: directions of a cone lie no farther apart than this, whatever the lobe; narrower cones need no more samples.
+_STEP, _NARROW = 0.25, 0.03
+# Rays at a time.
+_RAYS = 2**20
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,20 +64,20 @@ class Sun:
     irradiance: np.ndarray
     radius: float
 
-    def directions(self, count: int, turns: np.ndarray | None = None) -> np.ndarray:
-        """Unit directions (count, 3) spread over the disc evenly; (R, count, 3) with the pattern turned by `turns`."""
-        place = np.arange(count) + 0.5
-        angle = place * _SPREAD if turns is None else place * _SPREAD + turns[:, None]
-        out = math.tan(self.radius) * np.sqrt(place / count)
-        across = np.cross(self.direction, np.eye(3)[np.abs(self.direction).argmin()])
-        across /= np.linalg.norm(across)
-        other = np.cross(self.direction, across)
-        w = self.direction + (out * np.cos(angle))[..., None] * across + (out * np.sin(angle))[..., None] * other
-        return w / np.linalg.norm(w, axis=-1, keepdims=True)
+    @property
+    def brightness(self) -> np.ndarray:
+        """The irradiance."""
+        return self.irradiance
+
+    def cones(self, points: np.ndarray) -> LightCones:
+        """How points (S, 3) see it: all alike."""
+        count = len(points)
+        middle, levels = (np.broadcast_to(each, (count, 3)) for each in (self.direction, self.irradiance))
+        return LightCones(middle, np.full(count, self.radius), levels, np.full(count, np.inf))
 
     def radiance(self) -> np.ndarray:
         """That of the disc (3,)."""
-        return self.irradiance / (2 * math.pi * (1 - math.cos(self.radius)))
+        return self.irradiance / (math.pi * math.sin(self.radius) ** 2)
 
     def describe(self) -> str:
         """Where it stands and how large it is."""
@@ -87,7 +93,7 @@ class Sun:
 
 @dataclass(frozen=True)
 class LitPoints:
-    """Points that suns light: `origins` (S, 3) that rays start from, and `frames` (S, 3, 3) of their surface."""
+    """Points that lights shine on: `origins` (S, 3) that rays start from, and `frames` (S, 3, 3) of their surface."""
 
     origins: np.ndarray
     frames: np.ndarray
@@ -101,77 +107,118 @@ class LitPoints:
         above = ((corners - flat[:, None]) * normals).sum(2, keepdims=True).clip(0)
         return cls(flat + (shares * above * normals).sum(1) + offset * points.frames[:, 2], points.frames)
 
-    def seen(self, suns: Sequence[Sun], occluder: Occluder, samples: int, seed: int | None = None) -> np.ndarray:
-        """The part (S, Q) of each sun's disc that is above the surface and not hidden.
+    def seen(self, lights: Sequence[RoundLight], occluder: Occluder, samples: int, seed: int | None = None) -> np.ndarray:
+        """How much (S, Q) of each light's disc is not hidden, of the part that is above the surface.
 
         By so many rays, whose pattern is turned anyhow from point to point where there is a `seed`.
         """
-        found = np.zeros((len(self.origins), len(suns)), np.float32)
-        for number, sun in enumerate(suns):
-            near = np.flatnonzero(self.frames[:, 2] @ sun.direction > -math.sin(sun.radius))
-            turns = None if seed is None else np.random.default_rng(seed).random(len(near)) * (2 * math.pi)
-            w = np.broadcast_to(sun.directions(samples, turns), (len(near), samples, 3))
-            above = np.einsum("sj,srj->sr", self.frames[near, 2], w) > 0
-            starts = np.broadcast_to(self.origins[near, None], w.shape)
-            clear = above.copy()
-            clear[above] = ~occluder.blocked(starts[above], w[above])
-            found[near, number] = clear.mean(1)
+        found = np.zeros((len(self.origins), len(lights)), np.float32)
+        for number, light in enumerate(lights):
+            turns = None if seed is None else np.random.default_rng(seed).random(len(self.origins)) * (2 * math.pi)
+            for rows in _parts(len(self.origins), samples):
+                cones, normals = light.cones(self.origins[rows]), self.frames[rows, 2]
+                near = np.flatnonzero((normals * cones.middle).sum(1) > -np.sin(cones.radius))
+                cones, at = cones.only(near), rows[near]
+                w = cones.directions(samples, None if turns is None else turns[at])
+                above = np.einsum("sj,srj->sr", self.frames[at, 2], w) > 0
+                starts, ends = np.broadcast_to(self.origins[at, None], w.shape), cones.lengths(w)
+                clear = above.copy()
+                clear[above] = ~occluder.blocked(starts[above], w[above], ends[above])
+                found[at, number] = clear.sum(1) / above.sum(1).clip(1)
         return found
 
 
 @dataclass(frozen=True)
 class Sunlight:
-    """The light of `suns` on one object: `tables` add up to its material, `seen` (V, Q) are parts of discs.
+    """The light of `suns` and `lamps` on one object, whose material the `tables` add up to.
 
-    `seen` is what each vertex sees of each sun.
+    `seen` (V, Q) is what each vertex sees of each sun and each lamp, in this order: the part of the disc above the
+    surface that nothing hides. `bounced` (V, B, L) are the terms of interreflection under each lamp of intensity 1.
     """
 
     suns: tuple[Sun, ...]
     tables: tuple[LobeTable, ...]
     seen: np.ndarray
+    lamps: tuple[Lamp, ...] = ()
+    bounced: np.ndarray | None = None
 
     @classmethod
-    def traced(cls, suns: Sequence[Sun], tables: tuple[LobeTable, ...], mesh: Mesh, occluder: Occluder) -> "Sunlight":
+    def traced(
+        cls,
+        suns: Sequence[Sun],
+        tables: tuple[LobeTable, ...],
+        mesh: Mesh,
+        occluder: Occluder,
+        lamps: Sequence[Lamp] = (),
+    ) -> "Sunlight":
         """With what every vertex of a mesh sees."""
-        parts = []
-        for first in range(0, len(mesh.positions), _VERTEX_ROWS):
-            rows = slice(first, first + _VERTEX_ROWS)
-            origins = mesh.positions[rows] + occluder.offset * mesh.normals[rows]
-            parts.append(LitPoints(origins, frames(mesh.normals[rows])).seen(suns, occluder, SAMPLES))
-        return cls(tuple(suns), tables, np.concatenate(parts))
+        origins = mesh.positions + occluder.offset * mesh.normals
+        seen = LitPoints(origins, frames(mesh.normals)).seen((*suns, *lamps), occluder, SAMPLES)
+        return cls(tuple(suns), tables, seen, tuple(lamps))
+
+    @property
+    def lights(self) -> tuple[RoundLight, ...]:
+        """The suns, then the lamps."""
+        return (*self.suns, *self.lamps)
 
     @property
     def nbytes(self) -> int:
-        """The tables and what the vertices see."""
-        return sum(table.nbytes for table in self.tables) + self.seen.nbytes
+        """The tables, what the vertices see, and the lamps' terms of interreflection."""
+        terms = 0 if self.bounced is None else self.bounced.nbytes
+        return sum(table.nbytes for table in self.tables) + self.seen.nbytes + terms
 
-    def directions(self, sun: Sun) -> int:
-        """At how many directions of a disc f is asked: no farther apart than half the lobe's width."""
-        lobe = 2 * self.tables[0].half_width
-        return min(max(math.ceil(math.pi * (sun.radius / lobe) ** 2), 1), MOST_DIRECTIONS)
+    def only(self, suns: bool, lamps: bool) -> "Sunlight | None":
+        """The light of the suns, of the lamps, or of both; None if that is none."""
+        kept = [*([suns] * len(self.suns)), *([lamps] * len(self.lamps))]
+        if not any(kept):
+            return None
+        bounced = self.bounced if lamps else None
+        return replace(
+            self, suns=self.suns if suns else (), lamps=self.lamps if lamps else (), seen=self.seen[:, kept],
+            bounced=bounced,
+        )  # fmt: skip
 
-    def at(self, points: SurfacePoints, seen: np.ndarray, tint: np.ndarray | None = None) -> np.ndarray:
-        """Radiance (S, 3) of points that see the parts (S, Q) of the discs; `tint` (S, 3) is that of a texture."""
-        found = np.zeros((len(seen), 3))
-        for number, sun in enumerate(self.suns):
-            rows = np.flatnonzero((seen[:, number] > 0) & (points.wo[:, 2] > 0))
-            count, f = self.directions(sun), np.zeros((len(rows), 3))
-            for table in self.tables:
-                times = 1.0 if tint is None else table.under(tint[rows], points.wo[rows])
-                for w in sun.directions(count) if count > 1 else (sun.direction,):
-                    f += reflected(table, w, points.frames[rows], points.wo[rows]) * times
-            found[rows] += f * seen[rows, number, None] * (sun.irradiance / count)
+    def directions(self, light: RoundLight, positions: np.ndarray) -> int:
+        """At how many directions of a cone f is evaluated: no farther apart than half the lobe's width.
+
+        The same number for the whole object, whose vertices have `positions` (V, 3).
+        """
+        step = min(2 * self.tables[0].half_width, _STEP)
+        widest = float(light.cones(positions).radius.max())
+        return min(max(math.ceil(math.pi * (widest / step) ** 2), 1), MOST_DIRECTIONS)
+
+    def at(
+        self, points: SurfacePoints, positions: np.ndarray, seen: np.ndarray, tint: np.ndarray | None = None
+    ) -> np.ndarray:
+        """Radiance (S, 3) of points that see the parts (S, Q) of the discs; `positions` (V, 3) are the vertices'.
+
+        `tint` (S, 3) is that of a texture.
+        """
+        found, places = np.zeros((len(seen), 3)), points.mixed(positions.astype(np.float64))
+        for number, light in enumerate(self.lights):
+            lit = np.flatnonzero((seen[:, number] > 0) & (points.wo[:, 2] > 0))
+            count = self.directions(light, positions)
+            for part in _parts(len(lit), count):
+                rows, f = lit[part], np.zeros((len(part), 3))
+                cones = light.cones(places[rows])
+                w = cones.directions(count) if count > 1 else cones.middle[:, None]
+                for table in self.tables:
+                    times = 1.0 if tint is None else table.under(tint[rows], points.wo[rows])
+                    for k in range(count):
+                        f += reflected(table, w[:, k], points.frames[rows], points.wo[rows]) * times
+                sent = cones.flux / count if count > 1 else cones.irradiance
+                found[rows] += f * seen[rows, number, None] * sent
         return found
 
 
 def reflected(
     reflectance: Reflectance, direction: np.ndarray, rows: np.ndarray, wo: np.ndarray, tint: np.ndarray | None = None
 ) -> np.ndarray:
-    """f cosθi (S, 3) of light from a direction (3,) in the world towards views (S, 3) in frames `rows` (S, 3, 3).
+    """f cosθi (S, 3) of light from a direction in the world, (3,) or (S, 3), towards views (S, 3).
 
-    `tint` (S, 3) is that of a texture.
+    The views are in frames `rows` (S, 3, 3). `tint` (S, 3) is that of a texture.
     """
-    wi = rows @ direction
+    wi = np.einsum("sij,sj->si", rows, np.broadcast_to(direction, (len(rows), 3)))
     if not len(wi):
         return np.zeros((0, 3))
     pairs = torch.from_numpy(wi), torch.from_numpy(np.ascontiguousarray(wo, np.float64))
@@ -181,21 +228,42 @@ def reflected(
 
 def summed(
     reflectance: Reflectance,
-    suns: Sequence[Sun],
+    lights: Sequence[RoundLight],
     points: LitPoints,
     wo: np.ndarray,
     occluder: Occluder,
     tint: np.ndarray | None = None,
 ) -> np.ndarray:
-    """The exact light (S, 3) of discs: the reflectance itself at `SAMPLES` directions of each, those that are seen.
+    """The exact light (S, 3) of discs: the reflectance itself at many directions of each, those that are seen.
 
-    `tint` (S, 3) is that of a texture.
+    `SAMPLES` directions, or more where the lobe is narrower than their steps. `tint` (S, 3) is that of a texture.
     """
     found = np.zeros((len(wo), 3))
-    for sun in suns:
-        for w in sun.directions(SAMPLES):
-            lit = np.flatnonzero((points.frames[:, 2] @ w > 0) & (wo[:, 2] > 0))
-            lit = lit[~occluder.blocked(points.origins[lit], np.broadcast_to(w, (len(lit), 3)))]
-            own = None if tint is None else tint[lit]
-            found[lit] += reflected(reflectance, w, points.frames[lit], wo[lit], own) * sun.irradiance / SAMPLES
+    for light in lights:
+        for rows in _parts(len(wo), SAMPLES):
+            cones = light.cones(points.origins[rows])
+            count = _samples(reflectance, cones)
+            w, flux = cones.directions(count), cones.flux / count
+            ends = cones.lengths(w)
+            for k in range(count):
+                lit = np.flatnonzero(((points.frames[rows, 2] * w[:, k]).sum(1) > 0) & (wo[rows, 2] > 0))
+                lit = lit[~occluder.blocked(points.origins[rows[lit]], w[lit, k], ends[lit, k])]
+                at = rows[lit]
+                own = None if tint is None else tint[at]
+                found[at] += reflected(reflectance, w[lit, k], points.frames[at], wo[at], own) * flux[lit]
     return found
+
+
+def _samples(reflectance: Reflectance, cones: LightCones) -> int:
+    """Directions of the exact sum: no farther apart than half of the lobe's half width."""
+    widest = float(cones.radius.max(initial=0))
+    if widest <= _NARROW:
+        return SAMPLES
+    step = half_width(reflectance) / 2
+    return min(max(math.ceil(math.pi * (widest / step) ** 2), SAMPLES), MOST_SAMPLES)
+
+
+def _parts(count: int, rays: int) -> Iterator[np.ndarray]:
+    """The numbers of `count` points, in parts of about `_RAYS` rays."""
+    size = max(1, _RAYS // rays)
+    return (np.arange(first, min(first + size, count)) for first in range(0, count, size))

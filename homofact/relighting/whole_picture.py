@@ -78,9 +78,9 @@ def picture_likeness(
     radiance, around = environment_cube(scene.file.light, scene.file.settings.cube), sending_surfaces(scene)
     for relit, found in seen:
         lit = found.lit_points(relit.mesh)
-        seen_suns = lit.seen(scene.file.suns, scene.occluder, SAMPLES)
+        seen_suns = lit.seen(scene.file.lights, scene.occluder, SAMPLES)
         shown[found.numbers] = relit.lit(radiance).between(found.mixture, camera.eye, seen_suns)
-        points, suns = found.points, scene.file.suns
+        points, suns = found.points, scene.file.lights
         exact[found.numbers] = summed(points.reflectance, suns, lit, points.wo, scene.occluder, points.tint)
         for first in range(0, len(found.numbers), _PART):
             part = slice(first, first + _PART)

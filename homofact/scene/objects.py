@@ -4,7 +4,7 @@ The tables are read by `settings.tables`; sources and meshes are relative to the
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -113,11 +113,13 @@ def place_objects(
     cameras: Sequence[Camera],
     stage: Stage | None = None,
     fits: FileFits | None = None,
+    check: Callable[[Sequence[Mesh], Mesh | None], None] | None = None,
 ) -> tuple[tuple[SceneObject, ...], tuple[str, ...]]:
     """Return (placed objects, with the ground last; one line for each remark).
 
     An open mesh that a camera sees from behind gets a back side. `stage` is called with the name of each file that is
-    read, and `fits` has the fits that replace files of measurements. Raises BadInput if a file cannot be read.
+    read, and `fits` has the fits that replace files of measurements. `check` is called with the objects' meshes and the
+    ground, before materials are opened. Raises BadInput if a file cannot be read.
     """
     meshes, notes = [], []
     for table in objects:
@@ -131,8 +133,11 @@ def place_objects(
             meshes[number] = two_sided(meshes[number])
             notes.append(f"{meshes[number].name}: {share:.0%} of its pixels see it from behind; it is given a back")
     tables: list[MaterialTable] = list(objects)
-    if plane is not None:
-        meshes.append(ground(plane.half, lowest(meshes), plane.steps))
+    level = None if plane is None else ground(plane.half, lowest(meshes), plane.steps)
+    if check is not None:
+        check(meshes, level)
+    if plane is not None and level is not None:
+        meshes.append(level)
         tables.append(plane)
     materials = open_materials(tables, stage, fits)
     stand = {each.words: each.fit for each in materials if each.fit is not None}

@@ -132,6 +132,7 @@ def write_page(
     data = {
         "cube": objects[0].basis.settings.cube,
         "suns": [] if objects[0].sunlight is None else [sun.record() for sun in objects[0].sunlight.suns],
+        "lamps": [] if objects[0].sunlight is None else [lamp.record() for lamp in objects[0].sunlight.lamps],
         "camera": {"eye": camera.eye, "target": camera.target, "field": camera.field},
         "objects": [_object(each, own) for each, own in zip(objects, colours, strict=True)],
         "skies": [_sky(sky) for sky in skies],
@@ -212,7 +213,7 @@ def _object(given: PageObject, colours: np.ndarray | None) -> dict[str, Any]:
         "mix": mix,
         "reference": None if colours is None else _halves(colours),
         "lobe": None if given.lobe is None else _lobe(given.lobe),
-        "sunlight": None if given.sunlight is None else _sunlight(given.sunlight),
+        "sunlight": None if given.sunlight is None else _sunlight(given.sunlight, mesh.positions),
         "tint": None if given.tint is None else _tint(given.tint, transport.factors.tinted),
         "bytes": transport.nbytes + sum(each.nbytes for each in beside),
     }
@@ -230,11 +231,13 @@ def _table(table: LobeTable) -> dict[str, Any]:
     return {**numbers, "values": _halves(table.values)}
 
 
-def _sunlight(lit: Sunlight) -> dict[str, Any]:
+def _sunlight(lit: Sunlight, positions: np.ndarray) -> dict[str, Any]:
     """Return the visible parts of the discs as bytes (255 is a whole disc), and the number of directions of f."""
     seen = np.rint(lit.seen * 255).astype(np.uint8)
-    counts = [lit.directions(sun) for sun in lit.suns]
-    return {"tables": [_table(table) for table in lit.tables], "seen": pack(seen), "directions": counts}
+    counts = [lit.directions(light, positions) for light in lit.lights]
+    bounced = None if lit.bounced is None else _halves(lit.bounced)
+    tables = [_table(table) for table in lit.tables]
+    return {"tables": tables, "seen": pack(seen), "directions": counts, "bounced": bounced}
 
 
 def _tint(tint: SurfaceTint, terms: int) -> dict[str, Any]:
