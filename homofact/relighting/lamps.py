@@ -103,19 +103,19 @@ def check_lamps(lamps: Sequence[Lamp], meshes: Sequence[Mesh], ground: Mesh | No
         if ground is not None:
             height = float(ground.positions[:, 1].max())
             if lamp.position[1] - lamp.radius <= height:
-                found = f"its lowest point at the height {lamp.position[1] - lamp.radius:.4g}"
-                raise BadInput(where=where, found=found, expected=f"it above the ground, at more than {height:.4g}")
+                found = f"its lowest point at y = {lamp.position[1] - lamp.radius:.4g}"
+                raise BadInput(where=where, found=found, expected=f"a lamp above the ground at y = {height:.4g}")
         for mesh in meshes:
             if not open_edges(mesh) and _inside(lamp.position, mesh):
-                raise BadInput(where=where, found=f"it inside {mesh.name}", expected="it outside every object")
+                raise BadInput(where=where, found=f"its middle inside {mesh.name}", expected="a lamp outside all objects")
             near = distance_to(lamp.position, mesh)
             if near <= lamp.radius:
-                found = f"{mesh.name} at {near:.4g} from its middle"
+                found = f"{mesh.name} at a distance of {near:.4g} from its middle"
                 raise BadInput(where=where, found=found, expected=f"more than its radius of {lamp.radius:.4g}")
         for camera in cameras:
             near = float(np.linalg.norm(np.subtract(camera.eye, lamp.position)))
             if near <= lamp.radius:
-                found = f"a camera's eye at {near:.4g} from its middle"
+                found = f"a camera at a distance of {near:.4g} from its middle"
                 raise BadInput(where=where, found=found, expected=f"more than its radius of {lamp.radius:.4g}")
 
 

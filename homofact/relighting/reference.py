@@ -27,6 +27,7 @@ from homofact.errors import BadInput
 from homofact.files import extras
 from homofact.meshes.occlusion import OFFSET
 from homofact.meshes.tangents import frames
+from homofact.relighting.lamps import Lamp
 from homofact.rendering.light import EnvironmentMap
 from homofact.rendering.mitsuba_bsdf import load_bsdf, measured_bsdf, open_mitsuba
 from homofact.rendering.mitsuba_environment import environment_emitter
@@ -178,8 +179,11 @@ def scene_picture(
     repeats: int = 2,
     seed: int = 0,
     bounces: int = 0,
+    lamps: Sequence[Lamp] = (),
 ) -> Estimate:
     """Objects before the map as `camera` sees them: (H, W, 3), box filter; by `path` where there are `bounces`.
+
+    `lamps` are spheres that emit light; here they also block it.
 
     Normals, and the tangents of anisotropic materials, are interpolated over the triangles. `seen` are the pixels that
     the objects cover wholly. The standard error is that of the mean of `repeats` runs with different seeds. Raises as
@@ -208,12 +212,20 @@ def scene_picture(
         made: dict[str, Any] = {"type": "scene", "sensor": sensor}
         for number, (geometry, material) in enumerate(objects):
             made[f"mesh_{number}"] = _mesh(mi, geometry, opened.enter_context(_bsdf(material)))
-        scene = mi.load_dict(made | {"integrator": paths, "sky": environment_emitter(environment)})
+        shining = {f"lamp_{number}": _lamp(lamp) for number, lamp in enumerate(lamps)}
+        scene = mi.load_dict(made | shining | {"integrator": paths, "sky": environment_emitter(environment)})
         seeds = np.random.SeedSequence(seed).generate_state(repeats)
         runs = np.stack([np.array(mi.render(scene, seed=int(each)))[..., :3] for each in seeds]).astype(np.float64)
         cover = mi.load_dict(made | {"integrator": {"type": "depth"}})
         alpha = np.array(mi.render(cover, spp=64))[..., 3]
     return _estimate(runs, alpha > 0.999)
+
+
+def _lamp(lamp: Lamp) -> dict[str, Any]:
+    """A lamp as Mitsuba's sphere."""
+    radiance = {"type": "rgb", "value": lamp.radiance().tolist()}
+    emitter = {"type": "area", "radiance": radiance}
+    return {"type": "sphere", "center": lamp.position.tolist(), "radius": lamp.radius, "emitter": emitter}
 
 
 def _check_rows(name: str, rows: np.ndarray, vertices: int) -> None:

@@ -33,9 +33,11 @@ from homofact.settings.options import option
 # Of the sun in the sky, in degrees.
 RADIUS = 0.2665
 MOST_LIGHTS = 8  # suns and lamps, as the page has them too
-SAMPLES, MOST_SAMPLES, MOST_DIRECTIONS = 64, 1024, 32
-# In radians: directions of a cone lie no farther apart than this, whatever the lobe; narrower cones need no more samples.
-_STEP, _NARROW = 0.25, 0.03
+SAMPLES, MOST_SAMPLES, LEAST_DIRECTIONS, MOST_DIRECTIONS = 64, 1024, 16, 64
+# Of a lobe's area that a cone fills: up to this, its middle is enough. A spiral of few directions is worse than that.
+_ENOUGH = 0.3
+# In radians: the width of the broadest lobe, that of the cosine; narrower cones need no more samples.
+_BROADEST, _NARROW = 0.5, 0.03
 # Rays at a time.
 _RAYS = 2**20
 
@@ -179,13 +181,13 @@ class Sunlight:
         )  # fmt: skip
 
     def directions(self, light: RoundLight, positions: np.ndarray) -> int:
-        """At how many directions of a cone f is evaluated: no farther apart than half the lobe's width.
+        """At how many directions of a cone f is evaluated: one if the cone is narrower than the lobe.
 
         The same number for the whole object, whose vertices have `positions` (V, 3).
         """
-        step = min(2 * self.tables[0].half_width, _STEP)
-        widest = float(light.cones(positions).radius.max())
-        return min(max(math.ceil(math.pi * (widest / step) ** 2), 1), MOST_DIRECTIONS)
+        width = min(2 * self.tables[0].half_width, _BROADEST)
+        filled = math.pi * (float(light.cones(positions).radius.max()) / width) ** 2
+        return 1 if filled <= _ENOUGH else min(max(math.ceil(4 * filled), LEAST_DIRECTIONS), MOST_DIRECTIONS)
 
     def at(
         self, points: SurfacePoints, positions: np.ndarray, seen: np.ndarray, tint: np.ndarray | None = None

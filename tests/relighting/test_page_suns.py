@@ -99,7 +99,7 @@ def compared(driver: Any, scene: RelightResult, objects: list[RelitObject], suns
 
 def test_a_disc_wider_than_a_lobe_is_asked_at_several_directions(suns: Any) -> None:
     found = suns.execute_script("return homofact.view.objects.map((each) => each.sunlight.directions)")
-    assert found == [[1, 1], [1, 32], [1, 1]]
+    assert found == [[1, 16], [1, 64], [1, 1]]
 
 
 def test_the_processor_has_the_suns_of_the_library(suns: Any, scene: RelightResult) -> None:

@@ -12,10 +12,12 @@ class Controls {
       interpolation: makeChoice(by("interpolation"), options(["vertex", "By vertex", "Colours are interpolated, as in the paper"], ["pixel", "By pixel", "K-tuples and directions are interpolated"]), set("interpolation")),
       signal: makeChoice(by("signal"), options(["false", "Black"], ["true", "In magenta"]), set("signal", (value) => value === "true")),
       suns: makeChoice(by("suns"), options(["true", "On"], ["false", "Off"]), set("suns", (value) => value === "true", "light-shown")),
+      lamps: makeChoice(by("lamps"), options(["true", "On"], ["false", "Off"]), set("lamps", (value) => value === "true", "light-shown")),
       curve: makeChoice(by("tones"), options(["filmic", "Filmic"], ["srgb", "sRGB"]), set("curve", undefined, "light-shown")),
     };
     by("interpolation").lastChild.disabled = !view.stage.objects.some((each) => each.byPixel);
     by("suns").closest(".field").hidden = !view.suns.length;
+    by("lamps").closest(".field").hidden = !view.lamps.length;
     by("terms").max = view.mostTerms;
     by("kept").max = view.keptSteps.length - 1;
     const slide = (id, act) => by(id).addEventListener("input", () => act(Number(by(id).value)));
@@ -107,6 +109,7 @@ class Controls {
       " ": () => this.play(), l: () => this.choose((state.sky + 1) % view.skies.length), r: () => this.reset(),
       v: () => { if (view.atReference) picture("show", next(SHOWS, state.show)); },
       s: () => { if (view.suns.length) picture("suns", !state.suns); },
+      m: () => { if (view.lamps.length) picture("lamps", !state.lamps); },
       "[": () => this.bracket(-1), "]": () => this.bracket(1), k: () => terms(-1), K: () => terms(1), n: () => sharp(-1), N: () => sharp(1),
       p: () => picture("interpolation", state.interpolation === "pixel" ? "vertex" : "pixel"), b: () => picture("signal", !state.signal),
       e: () => this.expose(-1 / 3), E: () => this.expose(1 / 3), a: () => view.auto(),

@@ -142,7 +142,7 @@ class ObjectOnGpu {
     const { gl, object } = this, key = kinds.join();
     if (!this.programs.has(key)) {
       const defines = Object.fromEntries([["QUADS", object.quads], ...kinds.map((kind) => [kind, 1]), ...(object.fade ? [["FADES", 1]] : []), ...(object.sunlight ? [["SUNS", 1]] : []), ...(object.tint ? [["TINTED", 1]] : [])]);
-      const [vertex, fragment] = kinds[0] === "SHADES" ? [shadeVertex(object), NOTHING] : [surfaceVertex(object), surfaceFragment(object, kinds.includes("BETWEEN"), object.suns)];
+      const [vertex, fragment] = kinds[0] === "SHADES" ? [shadeVertex(object), NOTHING] : [surfaceVertex(object), surfaceFragment(object, kinds.includes("BETWEEN"), object.lights)];
       this.programs.set(key, makeProgram(gl, shaderText(vertex, defines), shaderText(fragment, defines), object.name, { kept: kinds[0] === "SHADES" ? (object.tint ? ["v_colour", "v_tinted"] : "v_colour") : null }));
     }
     return this.programs.get(key);

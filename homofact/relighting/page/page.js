@@ -15,6 +15,8 @@ class View {
     this.objects = objects;
     this.skies = skies;
     this.suns = data.suns;
+    this.lamps = data.lamps;
+    this.lights = [...data.suns, ...data.lamps];
     this.reference = data.reference;
     this.orbit = new Orbit(data.camera);
     this.mostTerms = Math.max(...objects.map((object) => object.terms));
@@ -22,11 +24,11 @@ class View {
     this.keptSteps = keptSteps(this.mostKept);
     this.state = {
       sky: data.reference?.sky ?? 0, turn: 0, terms: this.mostTerms, kept: this.mostKept, interpolation: "vertex", signal: false,
-      stops: 0, curve: "filmic", show: "picture", split: 0.5, range: 0.1, pieces: true, turning: false, suns: true,
+      stops: 0, curve: "filmic", show: "picture", split: 0.5, range: 0.1, pieces: true, turning: false, suns: true, lamps: true,
     };
     for (const object of objects) if (object.reference) object.seen = withReference(object, this.orbit.eye);
     this.relit = new Relit(objects, 6 * data.cube ** 2);
-    this.stage = new Stage(by("canvas"), objects, data.suns);
+    this.stage = new Stage(by("canvas"), objects, this.lights);
     this.highlights = new Highlights(this);
     this.times = { light: null, view: null };
     this.frames = 0;
@@ -63,6 +65,16 @@ class View {
     return this.state.suns && this.state.sky === 0;
   }
 
+  /** Whether each light is on: lamps belong to the scene under every sky. */
+  get shining() {
+    return this.lights.map((light) => (light.position ? this.state.lamps : this.sunny));
+  }
+
+  /** Whether surfaces send the light of lamps on to one another. */
+  get bouncingLamps() {
+    return this.state.lamps && this.lamps.length > 0 && this.objects.some((object) => object.bounced);
+  }
+
   /** The turn of the suns whose light surfaces send on to one another; null where none do. */
   get bouncingSuns() {
     return this.sunny && this.suns.length && this.objects.some((object) => object.bounced) ? this.state.turn : null;
@@ -70,7 +82,7 @@ class View {
 
   /** Whether light and camera are those that the reference was made for. */
   get atReference() {
-    return Boolean(this.reference) && this.state.sky === this.reference.sky && this.state.turn === 0 && this.state.suns && this.orbit.atStart;
+    return Boolean(this.reference) && this.state.sky === this.reference.sky && this.state.turn === 0 && this.state.suns && this.state.lamps && this.orbit.atStart;
   }
 
   /** What is drawn: the picture alone where the reference does not hold. */
@@ -79,7 +91,7 @@ class View {
   }
 
   goToReference() {
-    Object.assign(this.state, { sky: this.reference.sky, turn: 0, turning: false, suns: true });
+    Object.assign(this.state, { sky: this.reference.sky, turn: 0, turning: false, suns: true, lamps: true });
     this.orbit.reset();
     this.changed("light");
   }
@@ -116,7 +128,7 @@ class View {
       this.lightAsked = true;
     }
     this.before = state.turning ? now : null;
-    if (this.update() || this.bouncedSuns !== this.bouncingSuns) {
+    if (this.update() || this.bouncedSuns !== this.bouncingSuns || this.bouncedLamps !== this.bouncingLamps) {
       this.bring();
       if (!relit.pending && this.exposed !== this.lit) this.expose();
       this.times.light = performance.now() - began;
@@ -212,9 +224,11 @@ class View {
   /** Mixes the vertices' K-tuples and brings them to the graphics card. */
   bring() {
     this.bouncedSuns = this.bouncingSuns;
+    this.bouncedLamps = this.bouncingLamps;
     const spread = this.bouncedSuns === null ? null : spreadSuns(this.suns, this.bouncedSuns, this.sky.size);
     for (const object of this.objects) {
       object.sumSuns(spread);
+      object.sumLamps(this.bouncedLamps ? this.lamps.map(({ intensity }) => intensity) : null);
       object.mix();
     }
     this.stage.upload();
@@ -233,7 +247,7 @@ class View {
     return this.objects.map((object) => {
       const found = shade(object, eye, this.state.terms);
       if (object.lobe) addLobe(object, eye, this.cells, found);
-      return this.sunny && object.sunlight ? addSuns(object, eye, this.suns, this.state.turn, found) : found;
+      return object.sunlight ? addLights(object, eye, this.lights, this.state.turn, this.shining, found) : found;
     });
   }
 
@@ -294,7 +308,7 @@ async function begin() {
   const data = JSON.parse(by("data").textContent);
   // A browser without WebGL 2 is told before anything is unpacked.
   openContext(document.createElement("canvas"));
-  const objects = await Promise.all(data.objects.map((object) => unpackTransport(object, 6 * data.cube ** 2, data.suns.length)));
+  const objects = await Promise.all(data.objects.map((object) => unpackTransport(object, 6 * data.cube ** 2, data.suns.length + data.lamps.length)));
   const skies = await Promise.all(data.skies.map((sky) => unpackSky(sky, data.cube)));
   const view = new View(data, objects, skies);
   // For programs that drive the page.

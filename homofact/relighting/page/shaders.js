@@ -184,7 +184,7 @@ vec3 compared(vec3 own, vec3 shown) {
 }
 `;
 
-const surfaceFragment = ({ terms, tinted, lobe, sunlight }, between, suns) => `
+const surfaceFragment = ({ terms, tinted, lobe, sunlight }, between, lights) => `
 #ifdef TINTED
 // A reference is known at vertices: beside it the texture is too.
 #ifdef COMPARED
@@ -217,7 +217,7 @@ in vec3 v_tinted;
 in vec3 v_position;
 #endif
 ${between ? lobeBetween(lobe) : ""}
-${sunlight ? sunSum(sunlight, suns) : ""}
+${sunlight ? lightSum(sunlight, lights) : ""}
 uniform int u_signal;
 uniform vec2 u_fade;
 out vec4 colour;
@@ -259,7 +259,7 @@ void main() {
   }
 #endif
 #ifdef SUNS
-  if (gl_FrontFacing) own += sunlight(v_position, v_normal);
+  if (gl_FrontFacing) own += besideSky(v_position, v_normal);
 #endif
   // From behind a surface gives no light.
   if (!gl_FrontFacing) own = vec3(0.0);
@@ -295,14 +295,33 @@ uniform int u_plain;
 uniform vec3 u_ground;
 uniform int u_suns;
 // Towards each, and the cosine of its radius; its radiance.
-uniform vec4 u_discs[${MOST_SUNS}];
-uniform vec3 u_disc_light[${MOST_SUNS}];
+uniform vec4 u_discs[${MOST_LIGHTS}];
+uniform vec3 u_disc_light[${MOST_LIGHTS}];
 out vec4 colour;
 ${TONES}
 void main() {
   vec3 light = textureLod(u_picture, v_along, 0.0).rgb * u_scale, along = normalize(v_along);
   for (int q = 0; q < u_suns; q++) if (dot(along, u_discs[q].xyz) > u_discs[q].w) light += u_disc_light[q];
   colour = vec4(u_plain == 1 ? u_ground : displayed(light), 1.0);
+}
+`;
+
+// A lamp, as a glowing sphere.
+const LAMP_VERTEX = `
+layout(location = 0) in vec3 a_place;
+uniform mat4 u_camera;
+uniform vec4 u_lamp;
+void main() {
+  gl_Position = u_camera * vec4(u_lamp.xyz + u_lamp.w * a_place, 1.0);
+}
+`;
+
+const LAMP_FRAGMENT = `
+uniform vec3 u_light;
+out vec4 colour;
+${TONES}
+void main() {
+  colour = vec4(displayed(u_light), 1.0);
 }
 `;
 

@@ -7,13 +7,14 @@ const SAMPLES = 4;
 const SMALL = 160;
 
 class Stage {
-  constructor(canvas, objects, suns) {
+  constructor(canvas, objects, lights) {
     this.canvas = canvas;
     this.gl = openContext(canvas);
     const { gl } = this;
     this.objects = objects.map((object) => new ObjectOnGpu(gl, object));
     this.cells = objects.some((object) => object.lobe) ? new CellsOnGpu(gl) : null;
-    this.shadows = suns.length ? new ShadowsOnGpu(gl, suns, this.objects) : null;
+    this.shadows = lights.length ? new ShadowsOnGpu(gl, lights, this.objects) : null;
+    this.lamps = lights.some((light) => light.position) ? new LampsOnGpu(gl, lights.filter((light) => light.position)) : null;
     this.skies = new Map();
     this.sky = makeProgram(gl, shaderText(SKY_VERTEX), shaderText(SKY_FRAGMENT), "the sky");
     this.copy = makeProgram(gl, shaderText(COPY_VERTEX), shaderText(COPY_FRAGMENT), "the sky");
@@ -27,6 +28,7 @@ class Stage {
       for (let p = 0; p < positions.length; p += 3) most = Math.max(most, Math.hypot(positions[p], positions[p + 1], positions[p + 2]));
       return most;
     }, 0) * 1.001;
+    for (const { position, radius } of lights) if (position) this.radius = Math.max(this.radius, 1.01 * (Math.hypot(...position) + radius));
   }
 
   /** The K-tuples of all objects, anew. */
@@ -48,6 +50,7 @@ class Stage {
     gl.clear(gl.DEPTH_BUFFER_BIT);
     if (!coarse || smooth) this.drawSky(view, width / height);
     gl.enable(gl.DEPTH_TEST);
+    if (this.lamps && view.state.lamps && view.shown !== "difference") this.lamps.draw(this, view, width / height);
     // What ends softly comes last, over the others' background.
     const ordered = this.objects.toSorted((a, b) => Boolean(a.object.fade) - Boolean(b.object.fade));
     for (const each of ordered) this.drawObject(view, each, width, height, coarse);
@@ -150,7 +153,7 @@ class Stage {
     gl.uniform1i(sky.at("u_suns"), suns.length);
     if (suns.length) {
       gl.uniform4fv(sky.at("u_discs"), Float32Array.from(suns.flatMap(({ direction, radius }) => [...direction, Math.cos(radius)])));
-      gl.uniform3fv(sky.at("u_disc_light"), Float32Array.from(suns.flatMap(({ irradiance, radius }) => scaled(irradiance, 1 / (2 * Math.PI * (1 - Math.cos(radius)))))));
+      gl.uniform3fv(sky.at("u_disc_light"), Float32Array.from(suns.flatMap(({ irradiance, radius }) => scaled(irradiance, 1 / (Math.PI * Math.sin(radius) ** 2)))));
     }
     gl.bindVertexArray(this.square);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
@@ -168,7 +171,7 @@ class Stage {
     if (between) each.lobe.bind(program, this.cells);
     if (each.tint && !compared) each.tint.bind(program);
     if (each.sunTables) {
-      this.shadows.bind(program, each.sunTables, object.sunlight.directions, view.sunny);
+      this.shadows.bind(program, each.sunTables, object.sunlight.directions, view.shining);
       gl.uniform3f(program.at("u_eye"), ...orbit.eye);
     }
     gl.uniformMatrix4fv(program.at("u_camera"), false, orbit.matrix(width / height, this.radius));

@@ -1,9 +1,17 @@
-// Suns beside the sky: the light of each at the vertices, on the processor (sunlight.py).
+// Suns and lamps beside the sky: the light of each at the vertices, on the processor (sunlight.py, lamps.py).
 
-/** Unpacks the tables of an object's material under suns, and what its vertices see of each sun (V × Q). */
-async function unpackSunlight({ tables, seen, directions }) {
+/** Unpacks the tables of an object's material, what its vertices see of each light (V × Q), and what lamps add by way of other surfaces. */
+async function unpackSunlight({ tables, seen, directions, bounced }) {
   const parts = Float32Array.from(await unpack(seen), (x) => x / 255);
-  return { tables: await Promise.all(tables.map(unpackTable)), directions, seen: parts };
+  const terms = bounced ? fromHalves(await unpack(bounced.values), bounced.scale) : null;
+  return { tables: await Promise.all(tables.map(unpackTable)), directions, seen: parts, bounced: terms };
+}
+
+/** How a point sees a light (cones.py): the direction to its middle, its half angle, the irradiance of what faces it. */
+function coneAt(light, turn, position) {
+  if (!light.position) return { middle: sunDirection(light, turn), radius: light.radius, irradiance: light.irradiance };
+  const towards = minus(light.position, position), distance = Math.max(Math.hypot(...towards), light.radius * (1 + 1e-6));
+  return { middle: normalized(towards), radius: Math.asin(light.radius / distance), irradiance: scaled(light.intensity, 1 / distance ** 2) };
 }
 
 /** The direction to a sun under a sky that is turned by degrees. */
@@ -18,13 +26,13 @@ function discAxes(direction) {
   return [across, cross(direction, across)];
 }
 
-/** So many directions of a sun's disc, as Sun.directions has them; the middle where there is one. */
+/** So many directions of a disc, as LightCones.directions has them; the middle where there is one. */
 function discDirections(direction, radius, count) {
   if (count === 1) return [direction];
   const [across, other] = discAxes(direction);
   return Array.from({ length: count }, (_, k) => {
-    const angle = (k + 0.5) * 2.399963229728653, out = Math.tan(radius) * Math.sqrt((k + 0.5) / count);
-    return normalized(plus(direction, plus(scaled(across, out * Math.cos(angle)), scaled(other, out * Math.sin(angle)))));
+    const angle = (k + 0.5) * 2.399963229728653, along = 1 - ((1 - Math.cos(radius)) * (k + 0.5)) / count, out = Math.sqrt(1 - along ** 2);
+    return plus(scaled(direction, along), plus(scaled(across, out * Math.cos(angle)), scaled(other, out * Math.sin(angle))));
   });
 }
 
@@ -35,9 +43,10 @@ const SPREAD = 0.2, SPREAD_RAYS = 1024, SPREAD_SIDE = 8;
 function spreadSuns(suns, turn, n) {
   const side = SPREAD_SIDE, cube = new Float32Array(3 * FACES * side * side), found = new Float32Array(3 * FACES * n * n);
   for (const sun of suns) {
-    for (const [x, y, z] of discDirections(sunDirection(sun, turn), Math.max(sun.radius, SPREAD), SPREAD_RAYS)) {
+    const radius = Math.max(sun.radius, SPREAD), flux = 2 / (1 + Math.cos(radius));
+    for (const [x, y, z] of discDirections(sunDirection(sun, turn), radius, SPREAD_RAYS)) {
       const at = texelOf(x, y, z, side), place = at % (side * side);
-      const share = 1 / (SPREAD_RAYS * solidAngle(Math.floor(place / side), place % side, side));
+      const share = flux / (SPREAD_RAYS * solidAngle(Math.floor(place / side), place % side, side));
       for (let k = 0; k < 3; k++) cube[3 * at + k] += share * sun.irradiance[k];
     }
   }
@@ -64,10 +73,14 @@ function tableValue({ width, nodes, values }, grids, hx, hy) {
   return found;
 }
 
-/** Adds the suns' radiance towards the eye to an object's vertices (3 V). Of turned suns no shadows are known here. */
-function addSuns(object, eye, suns, turn, found) {
+/** Adds the radiance of the lights that are on to an object's vertices (3 V). Of turned suns no shadows are known here. */
+function addLights(object, eye, lights, turn, on, found) {
   const { positions, normals, tangents, vertices, sunlight } = object;
-  const discs = suns.map((sun, q) => discDirections(sunDirection(sun, turn), sun.radius, sunlight.directions[q]));
+  const disc = (light, q, position) => {
+    const { middle, radius, irradiance } = coneAt(light, turn, position), count = sunlight.directions[q];
+    return { directions: discDirections(middle, radius, count), sent: count > 1 ? scaled(irradiance, 2 / (1 + Math.cos(radius))) : irradiance };
+  };
+  const distant = lights.map((light, q) => (light.position ? null : disc(light, q)));
   for (let v = 0, p = 0; v < vertices; v++, p += 3) {
     const n = normals.subarray(p, p + 3), t = tangents.subarray(p, p + 3);
     const w = normalized([0, 1, 2].map((k) => eye[k] - positions[p + k])), facing = dot(n, w);
@@ -75,16 +88,17 @@ function addSuns(object, eye, suns, turn, found) {
     const b = cross(n, t), ox = dot(t, w), oy = dot(b, w), across = Math.hypot(ox, oy);
     const [c, s] = across > 1e-6 ? [ox / across, oy / across] : [1, 0];
     const oz = Math.max(facing, LEAST_COSINE), aside = facing < LEAST_COSINE ? Math.sin(STEEPEST) : across;
-    suns.forEach((sun, q) => {
-      const seen = turn === 0 ? sunlight.seen[v * suns.length + q] : 1, short = seen / (oz * discs[q].length);
-      if (seen === 0) return;
-      for (const d of discs[q]) {
+    lights.forEach((light, q) => {
+      const seen = turn === 0 || light.position ? sunlight.seen[v * lights.length + q] : 1;
+      if (seen === 0 || !on[q]) return;
+      const { directions, sent } = distant[q] ?? disc(light, q, positions.subarray(p, p + 3)), short = seen / (oz * directions.length);
+      for (const d of directions) {
         const z = dot(n, d), x = dot(t, d), y = dot(b, d);
         if (z <= 0) continue;
         const hx = (c * x + s * y + aside) / (z + oz), hy = (c * y - s * x) / (z + oz);
         for (const table of sunlight.tables) {
           const value = tableValue(table, tableAt(table, ox, oy, oz), hx, hy), factor = table.cosine ? short : short * z;
-          for (let k = 0; k < 3; k++) found[p + k] += value[k] * factor * sun.irradiance[k] * tintOf(table, object.tint, p, oz, k);
+          for (let k = 0; k < 3; k++) found[p + k] += value[k] * factor * sent[k] * tintOf(table, object.tint, p, oz, k);
         }
       }
     });

@@ -1,20 +1,29 @@
-// Suns on the graphics card: their light at each pixel, and shadow maps that turn with the sky.
+// Suns and lamps on the graphics card: their light at each pixel, and shadow maps. Those of suns turn with the sky.
 
-// Of a shadow map; samples of it a pixel; suns at most.
-const SHADOW = 2048, SHADOW_TAPS = 24, MOST_SUNS = 8;
+// Samples of a shadow map per pixel; lights at most. A lamp near the objects has maps on the six faces of a cube, each a
+// little wider than 90°, so that the samples round a pixel stay on one face.
+const SHADOW_TAPS = 24, MOST_LIGHTS = 8, FACE = 1.2;
+// Of a shadow map, where there are few layers of them, and where there are more.
+const SHADOW = 2048, SHADOW_SMALL = 1024, FEW_LAYERS = 8;
 const SUN_UNITS = { tables: [5, 6, 10], shadow: 7, depths: 8 };
 
-/** `sunlight(position, normal)`; u_eye stands before it. */
-const sunSum = ({ tables }, count) => `
+/** `besideSky(position, normal)`; u_eye stands before it. */
+const lightSum = ({ tables }, count) => `
 uniform highp sampler2DArrayShadow u_shadow;
 uniform highp sampler2DArray u_depths;
-uniform mat4 u_sun_camera[${count}];
-uniform vec3 u_sun[${count}];
-uniform vec3 u_sun_light[${count}];
+// The direction to a sun and 0, or the place of a lamp and its radius; what it sends; half of a sun's angle.
+uniform vec4 u_light_at[${count}];
+uniform vec3 u_light[${count}];
+uniform float u_light_angle[${count}];
+uniform int u_light_directions[${count}];
+// Its shadow map: rows right, up and away from the light; of a sun the middle and the inverse of the radius of what casts
+// shadows, of a lamp the tangent of half the field, A and B of the depth A − B/z, and the nearest caster's depth; how
+// wide a penumbra is for each unit of depth; its first layer and how many there are.
+uniform mat3 u_light_axes[${count}];
+uniform vec4 u_light_map[${count}];
+uniform float u_light_softness[${count}];
+uniform ivec2 u_light_layer[${count}];
 uniform float u_sun_lift;
-uniform float u_sun_softness[${count}];
-uniform vec3 u_sun_across[${count}];
-uniform int u_sun_directions[${count}];
 ${tables.map((_, k) => `uniform highp sampler2DArray u_sun_table_${k};\nuniform vec3 u_sun_numbers_${k};`).join("\n")}
 ${tables.map((table, k) => tintedParts(`SUN_TINTED_${k}`, table)).join("")}
 
@@ -24,32 +33,59 @@ vec2 spread(int k, float turn) {
   return sqrt((float(k) + 0.5) / ${SHADOW_TAPS}.0) * vec2(cos(angle), sin(angle));
 }
 
-/** The part of a sun's disc that is seen (percentage-closer soft shadows, Fernando 2005). */
-float sunSeen(int q, vec3 position, vec3 n) {
-  vec3 place = 0.5 * (u_sun_camera[q] * vec4(position + u_sun_lift * n, 1.0)).xyz + 0.5;
-  if (any(greaterThan(abs(place.xy - 0.5), vec2(0.5)))) return 1.0;
+/** A direction as the face of a lamp's cube sees it, the last number away from the lamp; both of the same face. */
+void toFace(inout vec3 e, inout vec3 n, inout int layer) {
+  vec3 a = abs(e);
+  int axis = a.x >= a.y && a.x >= a.z ? 0 : a.y >= a.z ? 1 : 2;
+  float side = sign(e[axis]);
+  layer += 2 * axis + (side < 0.0 ? 1 : 0);
+  e = vec3(e[(axis + 1) % 3], e[(axis + 2) % 3], side * e[axis]);
+  n = vec3(n[(axis + 1) % 3], n[(axis + 2) % 3], side * n[axis]);
+}
+
+/** The part of a light's disc that is seen (percentage-closer soft shadows, Fernando 2005). */
+float discSeen(int q, vec3 position, vec3 n) {
+  vec3 lifted = position + u_sun_lift * n, place;
+  vec4 map = u_light_map[q];
+  int layer = u_light_layer[q].x;
+  float reach = 0.5;
   // Samples lie on the tangent plane: at one depth, a slope would lie in its own shadow.
-  vec3 slope = normalize(mat3(u_sun_camera[q]) * n);
-  vec2 tilt = slope.xy / max(-slope.z, 0.1);
+  vec2 tilt;
+  if (u_light_at[q].w == 0.0) {
+    place = 0.5 * (map.w * (u_light_axes[q] * (lifted - map.xyz))) + 0.5;
+    vec3 slope = u_light_axes[q] * n;
+    tilt = slope.xy / max(-slope.z, 0.1);
+  } else {
+    vec3 e = lifted - u_light_at[q].xyz, m = n;
+    // Of a plane the depth in a perspective map is linear over the map.
+    float plane = min(dot(e, n), -0.1 * length(e));
+    if (u_light_layer[q].y == 6) toFace(e, m, layer);
+    else { e = u_light_axes[q] * e; m = u_light_axes[q] * m; }
+    if (e.z <= 0.0) return 1.0;
+    place = 0.5 * vec3(e.xy / (map.x * e.z), map.y - map.z / e.z) + 0.5;
+    tilt = -map.z * map.x * m.xy / plane;
+    reach = max(place.z - map.w, 0.0);
+  }
+  if (any(greaterThan(abs(place.xy - 0.5), vec2(0.5)))) return 1.0;
   // The pattern is turned from pixel to pixel, or its steps would show in wide penumbrae.
   float turn = 6.2831853 * fract(52.9829189 * fract(dot(gl_FragCoord.xy, vec2(0.06711056, 0.00583715))));
   float away = 0.0, found = 0.0, sum = 0.0;
   for (int k = 0; k < ${SHADOW_TAPS}; k++) {
-    vec2 aside = 0.5 * u_sun_softness[q] * spread(k, turn);
-    float gap = place.z + dot(tilt, aside) - texture(u_depths, vec3(place.xy + aside, float(q))).r;
-    if (gap > 0.0) { away += gap; found += 1.0; }
+    vec2 aside = reach * u_light_softness[q] * spread(k, turn);
+    float depth = texture(u_depths, vec3(place.xy + aside, float(layer))).r, gap = place.z + dot(tilt, aside) - depth;
+    if (gap > 0.0 && depth < 1.0) { away += gap; found += 1.0; }
   }
   if (found == 0.0) return 1.0;
   // As wide as the disc looks from where it is hidden.
-  float wide = max(u_sun_softness[q] * away / found, ${(1 / SHADOW).toFixed(6)});
+  float wide = max(u_light_softness[q] * away / found, 1.0 / float(textureSize(u_depths, 0).x));
   for (int k = 0; k < ${SHADOW_TAPS}; k++) {
     vec2 aside = wide * spread(k, turn);
-    sum += texture(u_shadow, vec4(place.xy + aside, float(q), min(place.z + dot(tilt, aside), 1.0)));
+    sum += texture(u_shadow, vec4(place.xy + aside, float(layer), min(place.z + dot(tilt, aside), 1.0)));
   }
   return sum / ${SHADOW_TAPS}.0;
 }
 
-vec3 sunlight(vec3 position, vec3 normal) {
+vec3 besideSky(vec3 position, vec3 normal) {
   vec3 w = normalize(u_eye - position), n = normalize(normal);
   // A normal that is turned away, at an outline, is bent back until it is seen.
   n = normalize(n + max(${BENT} - dot(n, w), 0.0) * w);
@@ -65,19 +101,33 @@ vec3 sunlight(vec3 position, vec3 normal) {
   vec3 sum = vec3(0.0), f;
   vec2 h, at;
   for (int q = 0; q < ${count}; q++) {
-    if (dot(n, u_sun[q]) <= -u_sun_softness[q]) continue;
-    float seen = sunSeen(q, position, n);
+    if (u_light[q] == vec3(0.0)) continue;
+    // The cone that the light fills, as coneAt has it.
+    vec3 middle = u_light_at[q].xyz, sent = u_light[q];
+    float half_ = u_light_angle[q];
+    if (u_light_at[q].w > 0.0) {
+      vec3 towards = middle - position;
+      float distance_ = max(length(towards), u_light_at[q].w * 1.000001);
+      middle = normalize(towards);
+      half_ = asin(min(u_light_at[q].w / distance_, 1.0));
+      sent /= distance_ * distance_;
+    }
+    if (dot(n, middle) <= -sin(half_)) continue;
+    float seen = discSeen(q, position, n);
     if (seen <= 0.0) continue;
     f = vec3(0.0);
-    int directions = u_sun_directions[q];
+    int directions = u_light_directions[q];
+    if (directions > 1) sent *= 2.0 / (1.0 + cos(half_));
+    vec3 least = abs(middle), axis = least.x <= least.y && least.x <= least.z ? vec3(1.0, 0.0, 0.0) : least.y <= least.z ? vec3(0.0, 1.0, 0.0) : vec3(0.0, 0.0, 1.0);
+    vec3 across_ = normalize(cross(middle, axis)), other = cross(middle, across_);
     for (int k = 0; k < directions; k++) {
-      float angle = (float(k) + 0.5) * 2.3999632, out_ = directions == 1 ? 0.0 : u_sun_softness[q] * sqrt((float(k) + 0.5) / float(directions));
-      vec3 d = normalize(u_sun[q] + out_ * (cos(angle) * u_sun_across[q] + sin(angle) * cross(u_sun[q], u_sun_across[q])));
+      float angle = (float(k) + 0.5) * 2.3999632, along = directions == 1 ? 1.0 : 1.0 - (1.0 - cos(half_)) * (float(k) + 0.5) / float(directions);
+      vec3 d = along * middle + sqrt(max(1.0 - along * along, 0.0)) * (cos(angle) * across_ + sin(angle) * other);
       float z = dot(n, d);
       if (z <= 0.0) continue;
       h = vec2(dot(x, d) + across, dot(y, d)) / (z + oz);
 ${tables.map(tableLookUp).join("")}    }
-    sum += seen * u_sun_light[q] * f / float(directions);
+    sum += seen * sent * f / float(directions);
   }
   return sum / oz;
 }
@@ -109,16 +159,24 @@ void main() {
 }
 `;
 
-// The shadow maps of all suns: layers of a texture of depths, drawn anew where the sky was turned.
+// The shadow maps of all lights: layers of a texture of depths. Those of suns are drawn again where the sky was turned.
 class ShadowsOnGpu {
-  constructor(gl, suns, objects) {
-    Object.assign(this, { gl, suns, turn: null });
+  constructor(gl, lights, objects) {
+    Object.assign(this, { gl, lights, turn: null });
     // A plane under the objects shades nothing.
     this.casters = objects.filter(({ object }) => !object.fade);
     Object.assign(this, enclosing(this.casters.map(({ object }) => object.positions)));
     this.program = makeProgram(gl, shaderText(SHADOW_VERTEX), shaderText(NOTHING), "the shadows");
     this.texture = makeTexture(gl, gl.TEXTURE_2D_ARRAY, gl.LINEAR);
-    gl.texStorage3D(gl.TEXTURE_2D_ARRAY, 1, gl.DEPTH_COMPONENT24, SHADOW, SHADOW, suns.length);
+    let layers = 0;
+    this.maps = lights.map((light) => {
+      const map = light.position ? this.lampMap(light) : { layers: 1 };
+      map.first = layers;
+      layers += map.layers;
+      return map;
+    });
+    this.size = layers > FEW_LAYERS ? SHADOW_SMALL : SHADOW;
+    gl.texStorage3D(gl.TEXTURE_2D_ARRAY, 1, gl.DEPTH_COMPONENT24, this.size, this.size, layers);
     // One texture is read in two ways: compared, and as it is.
     this.compared = gl.createSampler();
     gl.samplerParameteri(this.compared, gl.TEXTURE_COMPARE_MODE, gl.COMPARE_REF_TO_TEXTURE);
@@ -132,43 +190,70 @@ class ShadowsOnGpu {
     gl.bindSampler(SUN_UNITS.depths, this.plain);
     this.frame = gl.createFramebuffer();
     // Points of flat triangles are lifted, or they would lie in the shadow of their neighbours.
-    this.lift = Math.max((4 * this.radius) / SHADOW, ...this.casters.map(({ object }) => lifted(object)));
+    this.lift = Math.max((4 * this.radius) / this.size, ...this.casters.map(({ object }) => lifted(object)));
   }
 
   /** Brings the maps in line with the turn of the sky. */
   draw(turn) {
     if (turn === this.turn) return;
-    const { gl } = this;
+    const { gl, lights } = this, first = this.turn === null;
     this.turn = turn;
-    this.directions = this.suns.map((sun) => sunDirection(sun, turn));
-    this.cameras = this.directions.map((direction) => this.camera(direction));
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.frame);
-    gl.viewport(0, 0, SHADOW, SHADOW);
+    gl.viewport(0, 0, this.size, this.size);
     gl.useProgram(this.program.program);
     gl.enable(gl.DEPTH_TEST);
-    this.cameras.forEach((camera, q) => {
-      gl.framebufferTextureLayer(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, this.texture, 0, q);
-      gl.clear(gl.DEPTH_BUFFER_BIT);
-      gl.uniformMatrix4fv(this.program.at("u_sun_camera"), false, camera);
-      for (const each of this.casters) {
-        gl.bindVertexArray(each.whole.drawing);
-        gl.drawElements(gl.TRIANGLES, each.whole.indices, gl.UNSIGNED_INT, 0);
-      }
+    lights.forEach((light, q) => {
+      const map = this.maps[q];
+      if (!light.position) Object.assign(map, this.sunMap(sunDirection(light, turn), light.radius));
+      else if (!first) return;
+      map.cameras.forEach((camera, k) => this.cast(camera, map.first + k));
     });
     gl.bindVertexArray(null);
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
   }
 
-  /** The matrix (by columns) that takes the sphere round all casters to the cube of clip space, seen from a sun. */
-  camera(direction) {
-    const right = normalized(cross(Math.abs(direction[1]) < 0.99 ? [0, 1, 0] : [1, 0, 0], direction)), up = cross(direction, right);
-    const rows = [right, up, scaled(direction, -1)].map((axis) => scaled(axis, 1 / this.radius));
-    return Float32Array.from([0, 1, 2].flatMap((c) => [...rows.map((row) => row[c]), 0]).concat(rows.map((row) => -dot(row, this.middle)), 1));
+  /** Draws what casts shadows, as a camera sees it, into a layer. */
+  cast(camera, layer) {
+    const { gl } = this;
+    gl.framebufferTextureLayer(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, this.texture, 0, layer);
+    gl.clear(gl.DEPTH_BUFFER_BIT);
+    gl.uniformMatrix4fv(this.program.at("u_sun_camera"), false, camera);
+    for (const each of this.casters) {
+      gl.bindVertexArray(each.whole.drawing);
+      gl.drawElements(gl.TRIANGLES, each.whole.indices, gl.UNSIGNED_INT, 0);
+    }
   }
 
-  /** Binds what `sunlight` reads of an object's `tables` at so many `directions` of each disc; dark suns where they are not `shining`. */
+  /** The map of a sun: the sphere round all casters fills the cube of clip space. */
+  sunMap(direction, radius) {
+    const axes = axesAlong(scaled(direction, -1)), rows = axes.map((axis) => scaled(axis, 1 / this.radius));
+    const camera = byColumns([...rows.map((row) => [...row, -dot(row, this.middle)]), [0, 0, 0, 1]]);
+    return { at: [...direction, 0], axes, map: [...this.middle, 1 / this.radius], softness: Math.tan(radius), cameras: [camera] };
+  }
+
+  /** The map of a lamp: one round the sphere of all casters, or a cube's six where the lamp is near or within it. */
+  lampMap({ position, radius }) {
+    const towards = minus(this.middle, position), distance = Math.hypot(...towards), far = distance + this.radius;
+    const single = distance > 1.2 * this.radius, near = single ? distance - this.radius : radius / 2;
+    const field = single ? (1.02 * this.radius) / Math.sqrt(distance ** 2 - this.radius ** 2) : FACE;
+    const a = (far + near) / (far - near), b = (2 * far * near) / (far - near);
+    const camera = (rows) => byColumns([
+      [...scaled(rows[0], 1 / field), -dot(rows[0], position) / field], [...scaled(rows[1], 1 / field), -dot(rows[1], position) / field],
+      [...scaled(rows[2], a), -a * dot(rows[2], position) - b], [...rows[2], -dot(rows[2], position)],
+    ]);
+    const unit = [[1, 0, 0], [0, 1, 0], [0, 0, 1]], axes = axesAlong(normalized(towards));
+    const faces = [0, 1, 2].flatMap((k) => [1, -1].map((side) => [unit[(k + 1) % 3], unit[(k + 2) % 3], scaled(unit[k], side)]));
+    // A face's depth of a place is at most √3 less than its distance.
+    const nearest = Math.max(near, Math.min(...this.casters.map(({ object }) => nearestVertex(object.positions, position))) / (single ? 1 : Math.sqrt(3)));
+    return {
+      at: [...position, radius], axes, map: [field, a, b, 0.5 * (a - b / nearest) + 0.5], softness: radius / (field * b),
+      layers: single ? 1 : 6, cameras: (single ? [axes] : faces).map(camera),
+    };
+  }
+
+  /** Binds what `besideSky` reads of an object's `tables` at so many `directions` of each disc; dark lights where they are not `shining`. */
   bind(program, tables, directions, shining) {
-    const { gl, suns } = this;
+    const { gl, lights, maps } = this;
     const place = (unit, target, what, name) => {
       gl.activeTexture(gl.TEXTURE0 + unit);
       gl.bindTexture(target, what);
@@ -181,14 +266,36 @@ class ShadowsOnGpu {
     place(SUN_UNITS.shadow, gl.TEXTURE_2D_ARRAY, this.texture, "u_shadow");
     place(SUN_UNITS.depths, gl.TEXTURE_2D_ARRAY, this.texture, "u_depths");
     gl.activeTexture(gl.TEXTURE0);
-    gl.uniformMatrix4fv(program.at("u_sun_camera"), false, Float32Array.from(this.cameras.flatMap((camera) => [...camera])));
-    gl.uniform3fv(program.at("u_sun"), Float32Array.from(this.directions.flat()));
-    gl.uniform3fv(program.at("u_sun_light"), Float32Array.from(suns.flatMap(({ irradiance }) => (shining ? irradiance : [0, 0, 0]))));
+    gl.uniform4fv(program.at("u_light_at"), Float32Array.from(maps.flatMap(({ at }) => at)));
+    gl.uniform3fv(program.at("u_light"), Float32Array.from(lights.flatMap((light, q) => (shining[q] ? light.intensity ?? light.irradiance : [0, 0, 0]))));
+    gl.uniform1fv(program.at("u_light_angle"), Float32Array.from(lights, ({ radius }) => radius));
+    gl.uniform1iv(program.at("u_light_directions"), Int32Array.from(directions));
+    gl.uniformMatrix3fv(program.at("u_light_axes"), false, Float32Array.from(maps.flatMap(({ axes }) => [0, 1, 2].flatMap((c) => axes.map((row) => row[c])))));
+    gl.uniform4fv(program.at("u_light_map"), Float32Array.from(maps.flatMap(({ map }) => map)));
+    gl.uniform1fv(program.at("u_light_softness"), Float32Array.from(maps, ({ softness }) => softness));
+    gl.uniform2iv(program.at("u_light_layer"), Int32Array.from(maps.flatMap(({ first, layers }) => [first, layers])));
     gl.uniform1f(program.at("u_sun_lift"), this.lift);
-    gl.uniform3fv(program.at("u_sun_across"), Float32Array.from(this.directions.flatMap((direction) => discAxes(direction)[0])));
-    gl.uniform1iv(program.at("u_sun_directions"), Int32Array.from(directions));
-    gl.uniform1fv(program.at("u_sun_softness"), Float32Array.from(suns, ({ radius }) => Math.tan(radius)));
   }
+}
+
+/** Directions right and up across a direction, and itself. */
+function axesAlong(direction) {
+  const right = normalized(cross(direction, Math.abs(direction[1]) < 0.99 ? [0, 1, 0] : [1, 0, 0]));
+  return [right, cross(right, direction), direction];
+}
+
+/** Four rows of four numbers as WebGL takes a matrix. */
+function byColumns(rows) {
+  return Float32Array.from([0, 1, 2, 3].flatMap((c) => rows.map((row) => row[c])));
+}
+
+/** The distance of the nearest of some positions from a place. */
+function nearestVertex(positions, place) {
+  let least = Infinity;
+  for (let p = 0; p < positions.length; p += 3) {
+    least = Math.min(least, Math.hypot(positions[p] - place[0], positions[p + 1] - place[1], positions[p + 2] - place[2]));
+  }
+  return least;
 }
 
 /** The middle of the box round some positions, and the radius of a sphere about it that holds them. */

@@ -12,8 +12,8 @@ class Transport {
     for (let r = 0; r < this.rows; r++) this.start[r + 1] = this.start[r] + this.count[r];
     this.longest = this.count.reduce((most, c) => Math.max(most, c), 0);
     this.lit = new Float32Array(3 * this.rows);
-    // What suns add to the terms of light between surfaces; null where there is none.
-    this.sunny = null;
+    // What suns add to the vectors' terms of light between surfaces, and lamps to the vertices'; null where there is none.
+    this.sunny = this.lamplit = null;
     this.tuples = new Float32Array(4 * this.quads * this.vertices);
     this.columns = null;
     // Terms that count times a texture's tint: the first ones, and half of those of light between surfaces.
@@ -49,6 +49,18 @@ class Transport {
         const j = 3 * index[p], value = number[p] * scale[r];
         for (let k = 0; k < 3; k++) this.sunny[3 * r + k] += value * light[j + k];
       }
+    }
+  }
+
+  /** What lamps of these intensities add to the last `bounced` terms of each vertex (V × 3 B); null for none. */
+  sumLamps(intensities) {
+    const { bounced, vertices } = this, given = this.sunlight?.bounced;
+    this.lamplit = intensities && given && bounced ? new Float32Array(3 * bounced * vertices) : null;
+    if (!this.lamplit) return;
+    for (let t = 0; t < bounced * vertices; t++) {
+      intensities.forEach((levels, q) => {
+        for (let k = 0; k < 3; k++) this.lamplit[3 * t + k] += given[t * intensities.length + q] * levels[k];
+      });
     }
   }
 
@@ -117,7 +129,7 @@ class Transport {
 
   /** The vertices' K-tuples of the vectors' products: T_v L = mean + Σ weight · component, or the products themselves. */
   mix() {
-    const { sunny, tuples, vertices, components, weights, cluster, steps } = this;
+    const { sunny, lamplit, tuples, vertices, components, weights, cluster, steps } = this;
     const lit = sunny ? this.lit.map((value, p) => value + sunny[p]) : this.lit;
     const width = 3 * this.terms, stride = 4 * this.quads, own = new Float32Array(components);
     for (let v = 0; v < vertices; v++) {
@@ -128,12 +140,15 @@ class Transport {
         for (let i = 0, p = base + width + q; i < components; i++, p += width) sum += own[i] * lit[p];
         tuples[to + q] = sum;
       }
+      if (!lamplit) continue;
+      const last = 3 * this.bounced;
+      for (let q = 0; q < last; q++) tuples[to + width - last + q] += lamplit[v * last + q];
     }
   }
 }
 
 /** Unpacks one object of the page's data. */
-async function unpackTransport(packed, coefficients, suns) {
+async function unpackTransport(packed, coefficients, lights) {
   const { basis, mix, map, reference, lobe } = packed;
   const all = { positions: packed.positions, turns: packed.frames, triangles: packed.triangles, coarse: packed.coarse, texels: map.texels,
     count: basis.count, index: basis.index, sizes: basis.size, negative: basis.negative, scale: basis.scale,
@@ -153,7 +168,7 @@ async function unpackTransport(packed, coefficients, suns) {
     map: { size: map.size, channels: map.channels, texels: arrays.texels },
     reference: reference ? fromHalves(arrays.reference, reference.scale) : null,
     lobe: lobe ? await unpackLobe(lobe, packed.vertices) : null,
-    suns, sunlight: packed.sunlight ? await unpackSunlight(packed.sunlight) : null,
+    lights, sunlight: packed.sunlight ? await unpackSunlight(packed.sunlight) : null,
     tint: packed.tint ? await unpackTint(packed.tint) : null,
     ...geometry(packed, arrays.positions, arrays.turns),
   });
