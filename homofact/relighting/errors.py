@@ -171,7 +171,9 @@ def measured_errors(
     factors = transport.factors
     part = FactoredMaterial(factors, None if lobe is None else lobe.table).part(seen.reflectance)
     # What a part errs by counts against the light of all.
-    apart = partial(relative, weights=seen.weights, of=None if lobe is None and not lights and around is None else truth)
+    apart = partial(
+        relative, weights=seen.weights, of=None if lobe is None and not lights and around is None else truth
+    )
     if {"terms", "maps"} & {*stages}:
         exact = seen.dense(radiance, size, _fine(part, factors))
         if "terms" in stages:

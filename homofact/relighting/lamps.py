@@ -1,4 +1,4 @@
-"""Lamps in a relit scene: glowing spheres at a finite distance, with soft shadows and the inverse square of the distance.
+"""Lamps in a relit scene: glowing spheres at a finite distance, with soft shadows.
 
 A lamp of intensity I and radius r has the radiance L = I/(π r²) all over. Its irradiance on a surface at the distance d
 from its middle is I cosθ/d² wherever the surface sees all of it, for every r (`cones`). A lamp lights, but it shades
@@ -107,7 +107,9 @@ def check_lamps(lamps: Sequence[Lamp], meshes: Sequence[Mesh], ground: Mesh | No
                 raise BadInput(where=where, found=found, expected=f"a lamp above the ground at y = {height:.4g}")
         for mesh in meshes:
             if not open_edges(mesh) and _inside(lamp.position, mesh):
-                raise BadInput(where=where, found=f"its middle inside {mesh.name}", expected="a lamp outside all objects")
+                raise BadInput(
+                    where=where, found=f"its middle inside {mesh.name}", expected="a lamp outside all objects"
+                )
             near = distance_to(lamp.position, mesh)
             if near <= lamp.radius:
                 found = f"{mesh.name} at a distance of {near:.4g} from its middle"

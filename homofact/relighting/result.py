@@ -16,8 +16,8 @@ from homofact.files.kinds import RELIT
 from homofact.relighting.build import RelitObject
 from homofact.relighting.cube import environment_cube
 from homofact.relighting.harmonic import Harmonic
-from homofact.relighting.page.skies import PageSky, page_sky
 from homofact.relighting.lamps import Lamp
+from homofact.relighting.page.skies import PageSky, page_sky
 from homofact.relighting.plan import ObjectPlan
 from homofact.relighting.relight import Light, opened_light
 from homofact.relighting.saved import (
@@ -107,9 +107,7 @@ class RelightResult:
         lit = self.objects[0].sunlight if self.objects else None
         return () if lit is None else lit.lamps
 
-    def shade(
-        self, light: Light, eye: Sequence[float], suns: bool = False, lamps: bool = True
-    ) -> list[np.ndarray]:
+    def shade(self, light: Light, eye: Sequence[float], suns: bool = False, lamps: bool = True) -> list[np.ndarray]:
         """Return the radiance (V, 3) of each object's vertices towards the point `eye`, under another light.
 
         A light is an `EnvironmentMap`, a cube map of radiance, a .hdr or .exr file, or the name of a built-in one. If

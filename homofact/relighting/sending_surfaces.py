@@ -2,8 +2,8 @@
 
 Directions that follow the lobe of the point (`geometry.quadrature`) are traced to the surfaces they hit. The light that
 such a surface sends back is the sum over the texels of a coarse cube map of the sky, with the surface's own reflectance
-and shadows, and the light of suns and lamps, which are widened so that their mirror images cover several directions. The
-reflectance of the point is then applied to this light. No surface is assumed to be matt.
+and shadows, and the light of suns and lamps, which are widened so that their mirror images cover several directions.
+The reflectance of the point is then applied to this light. No surface is assumed to be matt.
 """
 
 from collections.abc import Sequence
@@ -35,7 +35,7 @@ _LEAST_COSINE = 0.01
 
 @dataclass(frozen=True)
 class SendingSurfaces:
-    """Meshes in the occluder's order, each of its reflectance and with its texture's tint, under `lights` and any sky."""
+    """Meshes in the occluder's order, each of its reflectance and with its texture's tint, under `lights` and a sky."""
 
     meshes: Sequence[Mesh]
     reflectances: Sequence[Reflectance]

@@ -109,7 +109,9 @@ class LitPoints:
         above = ((corners - flat[:, None]) * normals).sum(2, keepdims=True).clip(0)
         return cls(flat + (shares * above * normals).sum(1) + offset * points.frames[:, 2], points.frames)
 
-    def seen(self, lights: Sequence[RoundLight], occluder: Occluder, samples: int, seed: int | None = None) -> np.ndarray:
+    def seen(
+        self, lights: Sequence[RoundLight], occluder: Occluder, samples: int, seed: int | None = None
+    ) -> np.ndarray:
         """How much (S, Q) of each light's disc is not hidden, of the part that is above the surface.
 
         By so many rays, whose pattern is turned anyhow from point to point where there is a `seed`.

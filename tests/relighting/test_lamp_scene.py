@@ -141,30 +141,30 @@ def test_the_stated_error_is_within_1_3_of_the_truth(made: Made, truths: list[tu
     # A lamp that is too bright is found out in both.
     sunlight = direct[1].sunlight
     assert sunlight is not None
-    wrong = replace(sunlight, tables=tuple(table.times(1.2) for table in sunlight.tables))
+    wrong = replace(sunlight, tables=tuple(replace(table, values=1.2 * table.values) for table in sunlight.tables))
     (worse,) = scene_errors(plain, [direct[0], replace(direct[1], sunlight=wrong)], 60, ("lamps", "picture"))[1:]
     assert worse is not None
     assert all(value > 0.08 for value in worse.errors.values())
 
 
-def test_surfaces_send_the_light_of_the_lamp_on(made: Made) -> None:
-    """On the matt ground, of the ball and the ground by the full sum, and with the ball by matt terms."""
-    scene, objects = made
-    around = sending_surfaces(scene)
+def test_surfaces_send_the_light_of_the_lamp_on(tmp_path: Path) -> None:
+    """A matt ball and the ground light each other: by the terms as by the full sum."""
+    matt = SCENE.replace('material = "material:phong-30"\nterms = 4\nlobe = "factored"', "albedo = [0.7, 0.5, 0.2]")
+    scene = open_relight_scene(read_relight_scene(written(tmp_path, matt.replace("half = 2", "half = 1.2") + LAMP)))
+    objects, around = relit_objects(scene), sending_surfaces(scene)
     assert around is not None
-    relit, placed, eye = objects[1], scene.objects[1], scene.file.cameras[0].eye
-    seen = seen_vertices(relit.mesh, placed.reflectance, scene.occluder, eye, 40)
-    light = EnvironmentMap(torch.full((8, 16, 1), 1e-9, dtype=torch.float64))
-    exact = around.bounced(seen, light, 16)
-    lit = relit.lit(np.full((6, 8, 8, 3), 1e-9))
-    alone = replace(lit, tuples=lit.tuples.copy(), sunlight=None)
-    alone.tuples[:, : relit.transport.factors.direct] = 0
-    found = alone.terms(eye)[seen.which]
-    assert exact.mean() > 0.01
-    assert found.sum(0) == pytest.approx(exact.sum(0), rel=0.1)
-    assert relative(found, exact) < 0.2
-    none = relit.lit(np.full((6, 8, 8, 3), 1e-9), lamps=False)
-    assert np.abs(none.tuples).max() < 1e-6
+    night, dark, eye = EnvironmentMap(torch.full((8, 16, 1), 1e-9).double()), np.full((6, 8, 8, 3), 1e-9), (0, 1.5, 3)
+    for placed, relit in zip(scene.objects, objects, strict=True):
+        seen = seen_vertices(relit.mesh, placed.reflectance, scene.occluder, eye, 40)
+        exact = around.bounced(seen, night, 16)
+        lit = relit.lit(dark)
+        alone = replace(lit, tuples=lit.tuples.copy(), sunlight=None)
+        alone.tuples[:, : relit.transport.factors.direct] = 0
+        found = alone.terms(eye)[seen.which]
+        assert exact.max() > 0.01
+        assert found.sum(0) == pytest.approx(exact.sum(0), rel=0.06)
+        assert relative(found, exact) < 0.12
+        assert np.abs(relit.lit(dark, lamps=False).tuples).max() < 1e-6
 
 
 def test_a_picture_has_the_lamp_itself(made: Made) -> None:
@@ -193,20 +193,25 @@ def test_mitsuba_has_the_same_light(made: Made) -> None:
     pytest.importorskip("mitsuba")
     scene, objects = made
     camera = scene.file.cameras[0]
-    pairs = [(Geometry(o.mesh.positions, o.mesh.normals, o.mesh.triangles), o.material.reflectance) for o in scene.objects]
+    shapes = [Geometry(each.mesh.positions, each.mesh.normals, each.mesh.triangles) for each in scene.objects]
+    pairs = [(shape, each.reflectance) for shape, each in zip(shapes, scene.objects, strict=True)]
     night = EnvironmentMap(torch.full((8, 16, 3), 1e-4, dtype=torch.float64))
-    theirs = scene_picture(pairs, night, camera, 256, 2, lamps=scene.file.lamps)
+    theirs = scene_picture(pairs, night, camera, 64, 2, lamps=scene.file.lamps)
     dark = np.full((6, 8, 8, 3), 1e-4)
     lit = [each.lit(dark) for each in objects]
     for each, relit in zip(lit, objects, strict=True):
         each.tuples[:, relit.transport.factors.direct :] = 0
     colours = [each.terms(camera.eye) for each in lit]
     ours, cover = picture([o.mesh for o in objects], colours, scene.occluder, camera, night, lit)
+    triangle, _ = scene.occluder.first(np.array(camera.eye)[None], camera.rays().reshape(-1, 3))
+    of_ball = (triangle < len(objects[0].mesh.triangles)).reshape(24, 32)
     inside = theirs.seen & (cover > 0.999)
-    assert inside.sum() > 200
-    found, expected = ours[inside], theirs.radiance[inside]
-    assert found.sum(0) == pytest.approx(expected.sum(0), rel=0.02)
-    assert relative(found, expected) < 0.05 + 2 * theirs.noise
+    # A pixel of Mitsuba is a mean over its area, where a highlight is a few pixels wide.
+    for pixels, sums, most in ((inside & of_ball, 0.04, 0.05), (inside & ~of_ball, 0.005, 0.02)):
+        assert pixels.sum() > 50
+        found, expected = ours[pixels], theirs.radiance[pixels]
+        assert found.sum(0) == pytest.approx(expected.sum(0), rel=sums)
+        assert relative(found, expected) < most + theirs.noise
 
 
 def saved(folder: Path, made: Made) -> RelightResult:
@@ -290,7 +295,7 @@ def test_lamps_that_cannot_be_are_refused(old: str, new: str, where: str, tmp_pa
     ("position", "radius", "found"),
     [
         ("[0.1, 0.1, 0]", 0.05, "its middle inside sphere"),
-        ("[0.5, 0.5, 0]", 0.3, "sphere at a distance of 0.2074 from its middle"),
+        ("[0.5, 0.5, 0]", 0.3, "sphere at a distance of 0.2071 from its middle"),
         ("[1, -0.4, 0]", 0.2, "its lowest point at y = -0.6"),
         ("[1, -0.7, 0]", 0.1, "its lowest point at y = -0.8"),
         ("[0, 1.5, 2.9]", 0.2, "a camera at a distance of 0.1 from its middle"),
