@@ -6,7 +6,14 @@ sees all of it, E = π L sin² α, falls off with the square of the distance, at
 
 Directions are spread over the cone with equal solid angles: cosβ falls evenly from 1 to cosα. The integral of L over
 the cone is the flux Φ = L Ω = 2E/(1 + cosα), of which each of N directions carries Φ/N.
+
+A lobe much narrower than the cone would fall between such directions. Then most directions follow the lobe about the
+mirror direction m instead (`lobe_directions`): with its width w their density falls like 1/(1 + β²/w²)² of the angle β
+from m, up to `_REACH` widths, and those outside the cone count nothing. Beyond that reach a few directions of the cone
+have the rest.
 """
+
+import math
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -14,6 +21,8 @@ from typing import Protocol
 import numpy as np
 
 _SPREAD = 2.399963229728653
+# Of the directions that follow a lobe: in widths, and in radians. How many have what is beyond.
+_REACH, _WIDEST, FEW = 3.0, 1.2, 32
 
 
 @dataclass(frozen=True)
@@ -46,16 +55,26 @@ class LightCones:
 
     def directions(self, count: int, turns: np.ndarray | None = None) -> np.ndarray:
         """Unit directions (S, count, 3) with equal solid angles, their pattern turned by `turns` (S,) if given."""
-        place = np.arange(count) + 0.5
-        angle = (place * _SPREAD)[None] if turns is None else place * _SPREAD + turns[:, None]
-        along = 1 - (1 - np.cos(self.radius))[:, None] * (place / count)
-        out = np.sqrt((1 - along**2).clip(0))
-        least = np.abs(self.middle).argmin(1)
-        across = np.cross(self.middle, np.eye(3)[least])
-        across /= np.linalg.norm(across, axis=1, keepdims=True)
-        other = np.cross(self.middle, across)
-        sides = (out * np.cos(angle))[..., None] * across[:, None] + (out * np.sin(angle))[..., None] * other[:, None]
-        return along[..., None] * self.middle[:, None] + sides
+        place = (np.arange(count) + 0.5) / count
+        return _spiral(self.middle, 1 - (1 - np.cos(self.radius))[:, None] * place, turns)
+
+    def lobe_directions(self, mirror: np.ndarray, width: float, count: int) -> tuple[np.ndarray, np.ndarray]:
+        """(unit directions (S, N, 3), the part (S, N) of the irradiance that each carries): N is `count` + `FEW`.
+
+        `count` follow a lobe of a width in radians about `mirror` (S, 3).
+        """
+        reach = min(_REACH * width, _WIDEST)
+        whole = reach**2 / (width**2 + reach**2)
+        x = whole * (np.arange(count) + 0.5) / count
+        beta = width * np.sqrt(x / (1 - x))
+        solid = math.pi * np.sin(beta) * width * np.sqrt((1 - x) / x) / (1 - x) ** 2 * whole / count
+        near = _spiral(mirror, np.broadcast_to(np.cos(beta), (len(mirror), count)))
+        inside = np.einsum("snj,sj->sn", near, self.middle) >= np.cos(self.radius)[:, None]
+        far = self.directions(FEW)
+        beyond = np.einsum("snj,sj->sn", far, mirror) < math.cos(reach)
+        each = (2 * math.pi * (1 - np.cos(self.radius)) / FEW)[:, None]
+        parts = np.concatenate((solid * inside, each * beyond), 1)
+        return np.concatenate((near, far), 1), parts / (math.pi * np.sin(self.radius) ** 2)[:, None]
 
     def lengths(self, directions: np.ndarray) -> np.ndarray:
         """How far (S, N) rays along `directions` (S, N, 3) go until they meet the light; infinite for a sun."""
@@ -64,6 +83,17 @@ class LightCones:
         if not self.size:
             return np.broadcast_to(far, along.shape)
         return far * along - np.sqrt((self.size**2 - far**2 * (1 - along**2)).clip(0))
+
+
+def _spiral(axis: np.ndarray, along: np.ndarray, turns: np.ndarray | None = None) -> np.ndarray:
+    """Unit directions (S, N, 3) of a spiral about axes (S, 3), whose cosines with them are `along` (S, N)."""
+    angle = (np.arange(along.shape[1]) + 0.5) * _SPREAD + (0.0 if turns is None else turns[:, None])
+    out = np.sqrt((1 - along**2).clip(0))
+    across = np.cross(axis, np.eye(3)[np.abs(axis).argmin(1)])
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    other = np.cross(axis, across)
+    sides = (out * np.cos(angle))[..., None] * across[:, None] + (out * np.sin(angle))[..., None] * other[:, None]
+    return along[..., None] * axis[:, None] + sides
 
 
 class RoundLight(Protocol):

@@ -182,13 +182,18 @@ class Sunlight:
             bounced=bounced,
         )  # fmt: skip
 
+    @property
+    def width(self) -> float:
+        """That of the material's lobe in radians."""
+        return min(2 * self.tables[0].half_width, _BROADEST)
+
     def directions(self, light: RoundLight, positions: np.ndarray) -> int:
         """At how many directions of a cone f is evaluated: one if the cone is narrower than the lobe.
 
-        The same number for the whole object, whose vertices have `positions` (V, 3).
+        The same number for the whole object, whose vertices have `positions` (V, 3). With `MOST_DIRECTIONS`, they
+        follow the lobe.
         """
-        width = min(2 * self.tables[0].half_width, _BROADEST)
-        filled = math.pi * (float(light.cones(positions).radius.max()) / width) ** 2
+        filled = math.pi * (float(light.cones(positions).radius.max()) / self.width) ** 2
         return 1 if filled <= _ENOUGH else min(max(math.ceil(4 * filled), LEAST_DIRECTIONS), MOST_DIRECTIONS)
 
     def at(
@@ -205,14 +210,26 @@ class Sunlight:
             for part in _parts(len(lit), count):
                 rows, f = lit[part], np.zeros((len(part), 3))
                 cones = light.cones(places[rows])
-                w = cones.directions(count) if count > 1 else cones.middle[:, None]
+                w, parts = self._asked(cones, count, points.frames[rows], points.wo[rows])
                 for table in self.tables:
                     times = 1.0 if tint is None else table.under(tint[rows], points.wo[rows])
-                    for k in range(count):
-                        f += reflected(table, w[:, k], points.frames[rows], points.wo[rows]) * times
-                sent = cones.flux / count if count > 1 else cones.irradiance
-                found[rows] += f * seen[rows, number, None] * sent
+                    for k in range(w.shape[1]):
+                        on = np.flatnonzero(parts[:, k])
+                        each = reflected(table, w[on, k], points.frames[rows[on]], points.wo[rows[on]])
+                        f[on] += each * (times if isinstance(times, float) else times[on]) * parts[on, k, None]
+                found[rows] += f * seen[rows, number, None] * cones.irradiance
         return found
+
+    def _asked(
+        self, cones: LightCones, count: int, rows: np.ndarray, wo: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """(directions (S, N, 3) at which f is evaluated, the part (S, N) of the irradiance that each carries)."""
+        if count == 1:
+            return cones.middle[:, None], np.ones((len(wo), 1))
+        if count < MOST_DIRECTIONS:
+            return cones.directions(count), np.repeat((2 / (1 + np.cos(cones.radius)) / count)[:, None], count, 1)
+        mirror = np.einsum("sij,si->sj", rows, wo * np.array([-1.0, -1.0, 1.0]))
+        return cones.lobe_directions(mirror / np.linalg.norm(mirror, axis=1, keepdims=True), self.width, count)
 
 
 def reflected(

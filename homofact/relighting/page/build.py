@@ -237,7 +237,7 @@ def _sunlight(lit: Sunlight, positions: np.ndarray) -> dict[str, Any]:
     counts = [lit.directions(light, positions) for light in lit.lights]
     bounced = None if lit.bounced is None else _halves(lit.bounced)
     tables = [_table(table) for table in lit.tables]
-    return {"tables": tables, "seen": pack(seen), "directions": counts, "bounced": bounced}
+    return {"tables": tables, "seen": pack(seen), "directions": counts, "width": lit.width, "bounced": bounced}
 
 
 def _tint(tint: SurfaceTint, terms: int) -> dict[str, Any]:

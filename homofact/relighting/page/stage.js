@@ -171,7 +171,7 @@ class Stage {
     if (between) each.lobe.bind(program, this.cells);
     if (each.tint && !compared) each.tint.bind(program);
     if (each.sunTables) {
-      this.shadows.bind(program, each.sunTables, object.sunlight.directions, view.shining);
+      this.shadows.bind(program, each.sunTables, object.sunlight, view.shining);
       gl.uniform3f(program.at("u_eye"), ...orbit.eye);
     }
     gl.uniformMatrix4fv(program.at("u_camera"), false, orbit.matrix(width / height, this.radius));

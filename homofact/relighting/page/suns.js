@@ -1,10 +1,10 @@
 // Suns and lamps beside the sky: the light of each at the vertices, on the processor (sunlight.py, lamps.py).
 
 /** Unpacks the tables of an object's material, what its vertices see of each light (V × Q), and what lamps add by way of other surfaces. */
-async function unpackSunlight({ tables, seen, directions, bounced }) {
+async function unpackSunlight({ tables, seen, directions, width, bounced }) {
   const parts = Float32Array.from(await unpack(seen), (x) => x / 255);
   const terms = bounced ? fromHalves(await unpack(bounced.values), bounced.scale) : null;
-  return { tables: await Promise.all(tables.map(unpackTable)), directions, seen: parts, bounced: terms };
+  return { tables: await Promise.all(tables.map(unpackTable)), directions, width, seen: parts, bounced: terms };
 }
 
 /** How a point sees a light (cones.py): the direction to its middle, its half angle, the irradiance of what faces it. */
@@ -34,6 +34,24 @@ function discDirections(direction, radius, count) {
     const angle = (k + 0.5) * 2.399963229728653, along = 1 - ((1 - Math.cos(radius)) * (k + 0.5)) / count, out = Math.sqrt(1 - along ** 2);
     return plus(scaled(direction, along), plus(scaled(across, out * Math.cos(angle)), scaled(other, out * Math.sin(angle))));
   });
+}
+
+// As cones.py has them: how many directions follow a lobe, how far, and how many have what is beyond.
+const FOLLOWING = 64, LOBE_REACH = 3, LOBE_WIDEST = 1.2, LOBE_FEW = 32;
+
+/** Directions at which f is evaluated, each with its part of the irradiance, as Sunlight.at has them. */
+function lightDirections({ middle, radius }, count, mirror, width) {
+  if (count === 1) return [[middle, 1]];
+  if (count < FOLLOWING) return discDirections(middle, radius, count).map((d) => [d, 2 / ((1 + Math.cos(radius)) * count)]);
+  const reach = Math.min(LOBE_REACH * width, LOBE_WIDEST), whole = reach ** 2 / (width ** 2 + reach ** 2), found = [];
+  const [across, other] = discAxes(mirror), facing = Math.PI * Math.sin(radius) ** 2;
+  for (let k = 0; k < count; k++) {
+    const angle = (k + 0.5) * 2.399963229728653, x = (whole * (k + 0.5)) / count, beta = width * Math.sqrt(x / (1 - x)), out = Math.sin(beta);
+    const d = plus(scaled(mirror, Math.cos(beta)), plus(scaled(across, out * Math.cos(angle)), scaled(other, out * Math.sin(angle))));
+    if (dot(d, middle) >= Math.cos(radius)) found.push([d, ((Math.PI * out * width * Math.sqrt((1 - x) / x)) / (1 - x) ** 2) * (whole / count / facing)]);
+  }
+  const each = (2 * Math.PI * (1 - Math.cos(radius))) / (LOBE_FEW * facing);
+  return found.concat(discDirections(middle, radius, LOBE_FEW).filter((d) => dot(d, mirror) < Math.cos(reach)).map((d) => [d, each]));
 }
 
 // As interreflection.py has them.
@@ -76,11 +94,6 @@ function tableValue({ width, nodes, values }, grids, hx, hy) {
 /** Adds the radiance of the lights that are on to an object's vertices (3 V). Of turned suns no shadows are known here. */
 function addLights(object, eye, lights, turn, on, found) {
   const { positions, normals, tangents, vertices, sunlight } = object;
-  const disc = (light, q, position) => {
-    const { middle, radius, irradiance } = coneAt(light, turn, position), count = sunlight.directions[q];
-    return { directions: discDirections(middle, radius, count), sent: count > 1 ? scaled(irradiance, 2 / (1 + Math.cos(radius))) : irradiance };
-  };
-  const distant = lights.map((light, q) => (light.position ? null : disc(light, q)));
   for (let v = 0, p = 0; v < vertices; v++, p += 3) {
     const n = normals.subarray(p, p + 3), t = tangents.subarray(p, p + 3);
     const w = normalized([0, 1, 2].map((k) => eye[k] - positions[p + k])), facing = dot(n, w);
@@ -91,14 +104,14 @@ function addLights(object, eye, lights, turn, on, found) {
     lights.forEach((light, q) => {
       const seen = turn === 0 || light.position ? sunlight.seen[v * lights.length + q] : 1;
       if (seen === 0 || !on[q]) return;
-      const { directions, sent } = distant[q] ?? disc(light, q, positions.subarray(p, p + 3)), short = seen / (oz * directions.length);
-      for (const d of directions) {
-        const z = dot(n, d), x = dot(t, d), y = dot(b, d);
+      const cone = coneAt(light, turn, positions.subarray(p, p + 3)), mirror = minus(scaled(Array.from(n), 2 * facing), w);
+      for (const [d, part] of lightDirections(cone, sunlight.directions[q], mirror, sunlight.width)) {
+        const short = (seen * part) / oz, z = dot(n, d), x = dot(t, d), y = dot(b, d);
         if (z <= 0) continue;
         const hx = (c * x + s * y + aside) / (z + oz), hy = (c * y - s * x) / (z + oz);
         for (const table of sunlight.tables) {
           const value = tableValue(table, tableAt(table, ox, oy, oz), hx, hy), factor = table.cosine ? short : short * z;
-          for (let k = 0; k < 3; k++) found[p + k] += value[k] * factor * sent[k] * tintOf(table, object.tint, p, oz, k);
+          for (let k = 0; k < 3; k++) found[p + k] += value[k] * factor * cone.irradiance[k] * tintOf(table, object.tint, p, oz, k);
         }
       }
     });

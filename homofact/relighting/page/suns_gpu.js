@@ -24,6 +24,8 @@ uniform vec4 u_light_map[${count}];
 uniform float u_light_softness[${count}];
 uniform ivec2 u_light_layer[${count}];
 uniform float u_sun_lift;
+// The width of the material's lobe.
+uniform float u_lobe_width;
 ${tables.map((_, k) => `uniform highp sampler2DArray u_sun_table_${k};\nuniform vec3 u_sun_numbers_${k};`).join("\n")}
 ${tables.map((table, k) => tintedParts(`SUN_TINTED_${k}`, table)).join("")}
 
@@ -85,6 +87,13 @@ float discSeen(int q, vec3 position, vec3 n) {
   return sum / ${SHADOW_TAPS}.0;
 }
 
+/** A direction at an angle round an axis, whose cosine with it is given. */
+vec3 aside_(vec3 axis, float along, float angle) {
+  vec3 least = abs(axis), other = least.x <= least.y && least.x <= least.z ? vec3(1.0, 0.0, 0.0) : least.y <= least.z ? vec3(0.0, 1.0, 0.0) : vec3(0.0, 0.0, 1.0);
+  vec3 across = normalize(cross(axis, other));
+  return along * axis + sqrt(max(1.0 - along * along, 0.0)) * (cos(angle) * across + sin(angle) * cross(axis, across));
+}
+
 vec3 besideSky(vec3 position, vec3 normal) {
   vec3 w = normalize(u_eye - position), n = normalize(normal);
   // A normal that is turned away, at an outline, is bent back until it is seen.
@@ -98,7 +107,7 @@ vec3 besideSky(vec3 position, vec3 normal) {
   vec3 x = turned.x * t + turned.y * b, y = turned.x * b - turned.y * t;
   float place = 1.0 - sqrt(max(1.0 - acos(min(oz, 1.0)) / ${STEEPEST.toFixed(9)}, 0.0)), level, up, turn, over;
   int low, first, second;
-  vec3 sum = vec3(0.0), f;
+  vec3 sum = vec3(0.0), f, reflected, mirror = normalize(2.0 * dot(n, w) * n - w);
   vec2 h, at;
   for (int q = 0; q < ${count}; q++) {
     if (u_light[q] == vec3(0.0)) continue;
@@ -117,23 +126,39 @@ vec3 besideSky(vec3 position, vec3 normal) {
     if (seen <= 0.0) continue;
     f = vec3(0.0);
     int directions = u_light_directions[q];
-    if (directions > 1) sent *= 2.0 / (1.0 + cos(half_));
-    vec3 least = abs(middle), axis = least.x <= least.y && least.x <= least.z ? vec3(1.0, 0.0, 0.0) : least.y <= least.z ? vec3(0.0, 1.0, 0.0) : vec3(0.0, 0.0, 1.0);
-    vec3 across_ = normalize(cross(middle, axis)), other = cross(middle, across_);
-    for (int k = 0; k < directions; k++) {
-      float angle = (float(k) + 0.5) * 2.3999632, along = directions == 1 ? 1.0 : 1.0 - (1.0 - cos(half_)) * (float(k) + 0.5) / float(directions);
-      vec3 d = along * middle + sqrt(max(1.0 - along * along, 0.0)) * (cos(angle) * across_ + sin(angle) * other);
+    // As lightDirections has them: first those that follow the lobe, then those of the whole cone.
+    int following = directions < ${FOLLOWING} ? 0 : directions, all = directions < ${FOLLOWING} ? directions : directions + ${LOBE_FEW};
+    float cone = 1.0 - cos(half_), facing = ${Math.PI.toFixed(9)} * sin(half_) * sin(half_);
+    float reach = min(${LOBE_REACH}.0 * u_lobe_width, ${LOBE_WIDEST}), whole = reach * reach / (u_lobe_width * u_lobe_width + reach * reach);
+    for (int k = 0; k < all; k++) {
+      bool follows = k < following;
+      int place_ = follows ? k : k - following, of = follows ? following : all - following;
+      float u = (float(place_) + 0.5) / float(of), angle = (float(place_) + 0.5) * 2.3999632, part;
+      vec3 d = middle;
+      if (directions == 1) part = 1.0;
+      else if (follows) {
+        float x_ = whole * u, beta = u_lobe_width * sqrt(x_ / (1.0 - x_));
+        d = aside_(mirror, cos(beta), angle);
+        if (dot(d, middle) < 1.0 - cone) continue;
+        part = ${Math.PI.toFixed(9)} * sin(beta) * u_lobe_width * sqrt((1.0 - x_) / x_) / ((1.0 - x_) * (1.0 - x_)) * whole / (float(of) * facing);
+      } else {
+        d = aside_(middle, 1.0 - cone * u, angle);
+        if (following > 0 && dot(d, mirror) >= cos(reach)) continue;
+        part = ${(2 * Math.PI).toFixed(9)} * cone / (float(of) * facing);
+      }
       float z = dot(n, d);
       if (z <= 0.0) continue;
       h = vec2(dot(x, d) + across, dot(y, d)) / (z + oz);
-${tables.map(tableLookUp).join("")}    }
-    sum += seen * sent * f / float(directions);
+      reflected = vec3(0.0);
+${tables.map(tableLookUp).join("")}      f += part * reflected;
+    }
+    sum += seen * sent * f;
   }
   return sum / oz;
 }
 `;
 
-/** Lines that add a table's value at the slopes h to f. Its numbers are its scale, width and period. */
+/** Lines that add a table's value at the slopes h to `reflected`. Its numbers are its scale, width and period. */
 function tableLookUp({ levels, turns, nodes, cosine, tinted }, k) {
   const rows = nodes * turns, from = (turn, layer) =>
     `textureLod(u_sun_table_${k}, vec3((at.y + 0.5) / ${nodes}.0, (at.x + 0.5 + float(${turn} * ${nodes})) / ${rows}.0, float(${layer})), 0.0).rgb`;
@@ -147,7 +172,7 @@ ${turns === 1 ? "" : `    turn = fract(atan(turned.y, turned.x) / u_sun_numbers_
     over = fract(turn);
     first = int(turn) % ${turns};
     second = (first + 1) % ${turns};
-`}    f += u_sun_numbers_${k}.x * ${cosine ? "" : "z * "}${tinted ? `(1.0 + mix(SUN_TINTED_${k}[low], SUN_TINTED_${k}[low + 1], up) * (tint - 1.0)) * ` : ""}${value};
+`}    reflected += u_sun_numbers_${k}.x * ${cosine ? "" : "z * "}${tinted ? `(1.0 + mix(SUN_TINTED_${k}[low], SUN_TINTED_${k}[low + 1], up) * (tint - 1.0)) * ` : ""}${value};
 `;
 }
 
@@ -251,8 +276,8 @@ class ShadowsOnGpu {
     };
   }
 
-  /** Binds what `besideSky` reads of an object's `tables` at so many `directions` of each disc; dark lights where they are not `shining`. */
-  bind(program, tables, directions, shining) {
+  /** Binds what `besideSky` reads of an object's `tables` at so many `directions` of each disc, by a lobe's `width`; dark lights where they are not `shining`. */
+  bind(program, tables, { directions, width }, shining) {
     const { gl, lights, maps } = this;
     const place = (unit, target, what, name) => {
       gl.activeTexture(gl.TEXTURE0 + unit);
@@ -275,6 +300,7 @@ class ShadowsOnGpu {
     gl.uniform1fv(program.at("u_light_softness"), Float32Array.from(maps, ({ softness }) => softness));
     gl.uniform2iv(program.at("u_light_layer"), Int32Array.from(maps.flatMap(({ first, layers }) => [first, layers])));
     gl.uniform1f(program.at("u_sun_lift"), this.lift);
+    gl.uniform1f(program.at("u_lobe_width"), width);
   }
 }
 
