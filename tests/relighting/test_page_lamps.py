@@ -25,7 +25,7 @@ size = 0.5
 at = [-0.3, -0.1, 0]
 [[object]]
 mesh = "shape:sphere"
-material = "material:ward-brushed"
+material = "material:car-paint-red"
 terms = 1
 lobe = "separate"
 size = 0.3

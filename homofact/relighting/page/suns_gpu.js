@@ -25,7 +25,7 @@ uniform float u_light_softness[${count}];
 uniform ivec2 u_light_layer[${count}];
 uniform float u_sun_lift;
 // The width of the material's lobe.
-uniform float u_lobe_width;
+uniform float u_light_width;
 ${tables.map((_, k) => `uniform highp sampler2DArray u_sun_table_${k};\nuniform vec3 u_sun_numbers_${k};`).join("\n")}
 ${tables.map((table, k) => tintedParts(`SUN_TINTED_${k}`, table)).join("")}
 
@@ -129,7 +129,7 @@ vec3 besideSky(vec3 position, vec3 normal) {
     // As lightDirections has them: first those that follow the lobe, then those of the whole cone.
     int following = directions < ${FOLLOWING} ? 0 : directions, all = directions < ${FOLLOWING} ? directions : directions + ${LOBE_FEW};
     float cone = 1.0 - cos(half_), facing = ${Math.PI.toFixed(9)} * sin(half_) * sin(half_);
-    float reach = min(${LOBE_REACH}.0 * u_lobe_width, ${LOBE_WIDEST}), whole = reach * reach / (u_lobe_width * u_lobe_width + reach * reach);
+    float reach = min(${LOBE_REACH}.0 * u_light_width, ${LOBE_WIDEST}), whole = reach * reach / (u_light_width * u_light_width + reach * reach);
     for (int k = 0; k < all; k++) {
       bool follows = k < following;
       int place_ = follows ? k : k - following, of = follows ? following : all - following;
@@ -137,10 +137,10 @@ vec3 besideSky(vec3 position, vec3 normal) {
       vec3 d = middle;
       if (directions == 1) part = 1.0;
       else if (follows) {
-        float x_ = whole * u, beta = u_lobe_width * sqrt(x_ / (1.0 - x_));
+        float x_ = whole * u, beta = u_light_width * sqrt(x_ / (1.0 - x_));
         d = aside_(mirror, cos(beta), angle);
         if (dot(d, middle) < 1.0 - cone) continue;
-        part = ${Math.PI.toFixed(9)} * sin(beta) * u_lobe_width * sqrt((1.0 - x_) / x_) / ((1.0 - x_) * (1.0 - x_)) * whole / (float(of) * facing);
+        part = ${Math.PI.toFixed(9)} * sin(beta) * u_light_width * sqrt((1.0 - x_) / x_) / ((1.0 - x_) * (1.0 - x_)) * whole / (float(of) * facing);
       } else {
         d = aside_(middle, 1.0 - cone * u, angle);
         if (following > 0 && dot(d, mirror) >= cos(reach)) continue;
@@ -300,7 +300,7 @@ class ShadowsOnGpu {
     gl.uniform1fv(program.at("u_light_softness"), Float32Array.from(maps, ({ softness }) => softness));
     gl.uniform2iv(program.at("u_light_layer"), Int32Array.from(maps.flatMap(({ first, layers }) => [first, layers])));
     gl.uniform1f(program.at("u_sun_lift"), this.lift);
-    gl.uniform1f(program.at("u_lobe_width"), width);
+    gl.uniform1f(program.at("u_light_width"), width);
   }
 }
 
