@@ -14,7 +14,6 @@ have the rest.
 """
 
 import math
-
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -99,12 +98,10 @@ def _spiral(axis: np.ndarray, along: np.ndarray, turns: np.ndarray | None = None
 class RoundLight(Protocol):
     """A light beside the sky: a sun or a lamp."""
 
-    @property
-    def brightness(self) -> np.ndarray:
-        """What its table in the scene file gives, red, green and blue (3,)."""
-
     def cones(self, points: np.ndarray) -> LightCones:
         """How points (S, 3) see it."""
+        ...
 
     def radiance(self) -> np.ndarray:
         """That of its disc (3,)."""
+        ...

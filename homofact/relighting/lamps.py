@@ -34,11 +34,6 @@ class Lamp:
     radius: float
     intensity: np.ndarray
 
-    @property
-    def brightness(self) -> np.ndarray:
-        """The intensity."""
-        return self.intensity
-
     def cones(self, points: np.ndarray) -> LightCones:
         """How points (S, 3) see it; one inside it sees it as one on its surface does."""
         towards = self.position - points

@@ -18,8 +18,9 @@ from homofact.meshes.mesh import Mesh
 from homofact.meshes.occlusion import Occluder
 from homofact.meshes.tangents import frames
 from homofact.relighting import cube
+from homofact.relighting.cones import RoundLight
 from homofact.relighting.lobe import SurfacePoints
-from homofact.relighting.sunlight import LitPoints, Sun, summed
+from homofact.relighting.sunlight import LitPoints, summed
 from homofact.relighting.tracer import Tracer
 from homofact.scene.cameras import Camera
 from homofact.scene.tint import SurfaceTint
@@ -74,10 +75,10 @@ class SeenVertices:
             found[s] = (values * flux[lit[kept]]).sum(0)
         return found
 
-    def sunlit(self, suns: Sequence[Sun]) -> np.ndarray:
-        """The light of suns (S, 3), by the reflectance itself at many directions of each disc."""
+    def sunlit(self, lights: Sequence[RoundLight]) -> np.ndarray:
+        """The light of suns and lamps (S, 3), by the reflectance itself at many directions of each disc."""
         origins = self.mesh.positions[self.which] + self.occluder.offset * self.rows[:, 2]
-        return summed(self.reflectance, suns, LitPoints(origins, self.rows), self.wo, self.occluder, self.tint)
+        return summed(self.reflectance, lights, LitPoints(origins, self.rows), self.wo, self.occluder, self.tint)
 
     @property
     def tint(self) -> np.ndarray | None:

@@ -66,11 +66,6 @@ class Sun:
     irradiance: np.ndarray
     radius: float
 
-    @property
-    def brightness(self) -> np.ndarray:
-        """The irradiance."""
-        return self.irradiance
-
     def cones(self, points: np.ndarray) -> LightCones:
         """How points (S, 3) see it: all alike."""
         count = len(points)
@@ -212,17 +207,15 @@ class Sunlight:
                 cones = light.cones(places[rows])
                 w, parts = self._asked(cones, count, points.frames[rows], points.wo[rows])
                 for table in self.tables:
-                    times = 1.0 if tint is None else table.under(tint[rows], points.wo[rows])
+                    times = np.ones((len(part), 1)) if tint is None else table.under(tint[rows], points.wo[rows])
                     for k in range(w.shape[1]):
                         on = np.flatnonzero(parts[:, k])
                         each = reflected(table, w[on, k], points.frames[rows[on]], points.wo[rows[on]])
-                        f[on] += each * (times if isinstance(times, float) else times[on]) * parts[on, k, None]
+                        f[on] += each * times[on] * parts[on, k, None]
                 found[rows] += f * seen[rows, number, None] * cones.irradiance
         return found
 
-    def _asked(
-        self, cones: LightCones, count: int, rows: np.ndarray, wo: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def _asked(self, cones: LightCones, count: int, rows: np.ndarray, wo: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(directions (S, N, 3) at which f is evaluated, the part (S, N) of the irradiance that each carries)."""
         if count == 1:
             return cones.middle[:, None], np.ones((len(wo), 1))
