@@ -54,6 +54,4 @@ def separate_sun(light: EnvironmentMap, radius: float | None = None) -> tuple[En
     if not left.any():
         return light, None
     rest = torch.from_numpy(left.reshape(rows, columns, 3))
-    disc = own if radius is None else radius
-    irradiance = flux.sum(0) * (1 + math.cos(disc)) / 2
-    return EnvironmentMap(rest, light.turn, light.name), Sun(direction, irradiance, disc)
+    return EnvironmentMap(rest, light.turn, light.name), Sun(direction, flux.sum(0), own if radius is None else radius)

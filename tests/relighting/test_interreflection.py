@@ -210,7 +210,7 @@ def test_suns_are_sent_on_too(tmp_path: Path) -> None:
     assert around is not None
     placed = scene.objects[0]
     seen = seen_vertices(placed.mesh, placed.material.reflectance, scene.occluder, scene.file.cameras[0].eye, 48)
-    found, sky = around.bounced(seen, scene.file.light), replace(around, suns=()).bounced(seen, scene.file.light)
+    found, sky = around.bounced(seen, scene.file.light), replace(around, lights=()).bounced(seen, scene.file.light)
     assert found.sum() > 1.3 * sky.sum()
     assert relative(bounced_part(scene, objects, 0)[seen.which], found) < 0.1
     light = cube.environment_cube(scene.file.light, 16)

@@ -162,8 +162,10 @@ def test_surfaces_send_the_light_of_the_lamp_on(tmp_path: Path) -> None:
         alone.tuples[:, : relit.transport.factors.direct] = 0
         found = alone.terms(eye)[seen.which]
         assert exact.max() > 0.01
-        assert found.sum(0) == pytest.approx(exact.sum(0), rel=0.06)
-        assert relative(found, exact) < 0.12
+        # From the ground the ball is small: few directions of the full sum meet it.
+        ball = relit is objects[0]
+        assert found.sum(0) == pytest.approx(exact.sum(0), rel=0.05 if ball else 0.3)
+        assert relative(found, exact) < (0.1 if ball else 0.6)
         assert np.abs(relit.lit(dark, lamps=False).tuples).max() < 1e-6
 
 
@@ -196,7 +198,7 @@ def test_mitsuba_has_the_same_light(made: Made) -> None:
     shapes = [Geometry(each.mesh.positions, each.mesh.normals, each.mesh.triangles) for each in scene.objects]
     pairs = [(shape, each.reflectance) for shape, each in zip(shapes, scene.objects, strict=True)]
     night = EnvironmentMap(torch.full((8, 16, 3), 1e-4, dtype=torch.float64))
-    theirs = scene_picture(pairs, night, camera, 64, 2, lamps=scene.file.lamps)
+    theirs = scene_picture(pairs, night, camera, 128, 2, lamps=scene.file.lamps)
     dark = np.full((6, 8, 8, 3), 1e-4)
     lit = [each.lit(dark) for each in objects]
     for each, relit in zip(lit, objects, strict=True):
@@ -204,8 +206,11 @@ def test_mitsuba_has_the_same_light(made: Made) -> None:
     colours = [each.terms(camera.eye) for each in lit]
     ours, cover = picture([o.mesh for o in objects], colours, scene.occluder, camera, night, lit)
     triangle, _ = scene.occluder.first(np.array(camera.eye)[None], camera.rays().reshape(-1, 3))
-    of_ball = (triangle < len(objects[0].mesh.triangles)).reshape(24, 32)
+    of_ball = ((triangle >= 0) & (triangle < len(objects[0].mesh.triangles))).reshape(24, 32)
     inside = theirs.seen & (cover > 0.999)
+    # Not at the outline, where Mitsuba has no bent normals.
+    near = [np.roll(of_ball, step, axis) for step in (-1, 1) for axis in (0, 1)]
+    inside &= np.logical_and.reduce(near) == np.logical_or.reduce(near)
     # A pixel of Mitsuba is a mean over its area, where a highlight is a few pixels wide.
     for pixels, sums, most in ((inside & of_ball, 0.04, 0.05), (inside & ~of_ball, 0.005, 0.02)):
         assert pixels.sum() > 50
