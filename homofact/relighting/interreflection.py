@@ -21,7 +21,7 @@ map are the first ones of a finer map, times a power of 2. Only for this light, 
 `SUN_RADIUS`.
 
 A lamp is not part of the sky: surfaces near it receive more. Under each lamp E is computed at every vertex of the
-scene, and T takes E/π in place of the sum over texels: one number per vertex, term and lamp (`from_lamps`).
+scene, and T uses E/π instead of the sum over texels: one number per vertex, term and lamp (`from_lamps`).
 """
 
 from collections.abc import Callable, Sequence
