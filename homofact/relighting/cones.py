@@ -45,8 +45,8 @@ class LightCones:
 
     def only(self, which: np.ndarray) -> "LightCones":
         """Those of the points `which`."""
-        kept = (each[which] for each in (self.middle, self.radius, self.irradiance, self.distance))
-        return LightCones(*kept, self.size)
+        middle, radius, irradiance = self.middle[which], self.radius[which], self.irradiance[which]
+        return LightCones(middle, radius, irradiance, self.distance[which], self.size)
 
     def widened(self, least: float) -> "LightCones":
         """Cones of at least this half angle in radians, with the irradiance unchanged."""
