@@ -76,3 +76,24 @@ def real_data() -> Path:
     if not place.is_dir():
         pytest.skip(f"real measurements not found at {place}: set HOMOFACT_DATA to their folder")
     return place
+
+
+@pytest.fixture
+def small_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """compare.png beside a fit with spheres 32 pixels wide: for tests of commands, not of that picture."""
+    try:
+        from homofact.figures.compare_picture import compare_picture
+    except ImportError:
+        return
+    assert compare_picture.__kwdefaults__ is not None
+    monkeypatch.setitem(compare_picture.__kwdefaults__, "size", 32)
+
+
+@pytest.fixture
+def rough_sampling(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Exports with a mixture of two widths and a few steps: for tests of what else an export holds."""
+    from homofact.shading import mixture_fit
+
+    monkeypatch.setattr(mixture_fit, "_SCALES", (0.01, 0.1))
+    monkeypatch.setattr(mixture_fit, "_TRIED", 1)
+    monkeypatch.setattr(mixture_fit, "_STEPS", 2)

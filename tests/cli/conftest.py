@@ -19,3 +19,8 @@ def run(capsys: pytest.CaptureFixture[str]) -> Callable[..., Ran]:
         return Ran(code, out, err)
 
     return run
+
+
+@pytest.fixture(autouse=True)
+def _quickly(small_pictures: None, rough_sampling: None) -> None:
+    """Commands are what these tests are about, not their pictures or how evenly light is drawn."""
