@@ -1,5 +1,6 @@
 """The page of the small scene in a browser, for tests: what it holds, and what the library says of the same."""
 
+import base64
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -34,13 +35,26 @@ def colours_of(given: PageObject, light: Any, eye: Any, terms: int = 3, kept: in
     return shaded(replace(transport, factors=first), tuples(given, light, kept)[:, :terms], eye)
 
 
-def shrink(driver: Any) -> None:
+def shrink(driver: Any, width: int = 420, height: int = 320) -> None:
     """A picture that software draws in no time."""
     driver.execute_script(
-        "const p = document.getElementById('picture'); p.style.width = '420px'; p.style.height = '320px';"
-        "homofact.changed('picture');"
+        "const p = document.getElementById('picture'); p.style.width = arguments[0]; p.style.height = arguments[1];"
+        "homofact.changed('picture');",
+        f"{width}px",
+        f"{height}px",
     )
     headless.settled(driver)
+
+
+def pixels_of(driver: Any, script: str = "homofact.pixels()") -> np.ndarray:
+    """The page's pixels (H, W, 3) 0 … 255 as `script` gives them, row 0 at the bottom."""
+    # As text: lists of numbers take selenium seconds.
+    width, height, data = driver.execute_script(
+        f"const p = new Uint8Array({script}), c = homofact.view.stage.canvas; let text = '';"
+        "for (let k = 0; k < p.length; k += 32768) text += String.fromCharCode(...p.subarray(k, k + 32768));"
+        "return [c.width, c.height, btoa(text)]"
+    )
+    return np.frombuffer(base64.b64decode(data), np.uint8).astype(float).reshape(height, width, 4)[..., :3]
 
 
 def change(driver: Any, what: str = "light", **state: Any) -> None:
@@ -105,9 +119,8 @@ def seen_pixels(
     driver: Any, given: tuple[PageObject, ...], among: Occluder | None = None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(which vertices of all the camera sees well, their (row from below, column), pixels (H, W, 3) 0 … 255)."""
-    width, height, data = driver.execute_script(
-        "const p = homofact.pixels(), c = homofact.view.stage.canvas; return [c.width, c.height, Array.from(p)]"
-    )
+    picture = pixels_of(driver)
+    height, width = picture.shape[:2]
     mesh, eye = whole(given), eye_of(driver)
     towards = eye - mesh.positions
     towards /= np.linalg.norm(towards, axis=1, keepdims=True)
@@ -126,7 +139,6 @@ def seen_pixels(
     columns, rows = width / 2 + scale * (relative_to @ right), height / 2 + scale * (relative_to @ up)
     seen &= (columns > 1) & (columns < width - 1) & (rows > 1) & (rows < height - 1)
     which = np.flatnonzero(seen)
-    picture = np.array(data, float).reshape(height, width, 4)[..., :3]
     return which, np.stack((rows[which], columns[which]), 1).astype(int), picture
 
 
@@ -141,22 +153,19 @@ def words(driver: Any, place: str) -> str:
 
 
 @contextmanager
-def relit_page(folder: Path, scene: RelightResult) -> Iterator[Any]:
+def relit_page(folder: Path, scene: RelightResult, size: tuple[int, int] = (420, 320)) -> Iterator[Any]:
     """The page of a relit scene, opened in a browser of its own and small; it must stay silent."""
     write_relit_page(folder / "scene.html", scene)
     with browser(folder) as driver:
         headless.open_page(driver, folder / "scene.html")
-        shrink(driver)
+        shrink(driver, *size)
         yield driver
         assert complaints(driver) == []
 
 
 def shown_picture(driver: Any, script: str = "homofact.pixels()") -> np.ndarray:
     """The page's picture (H, W, 3) from above, 0 to 255."""
-    width, height, data = driver.execute_script(
-        f"const p = {script}, c = homofact.view.stage.canvas; return [c.width, c.height, Array.from(p)]"
-    )
-    return np.array(data, float).reshape(height, width, 4)[::-1, :, :3]
+    return pixels_of(driver, script)[::-1]
 
 
 def library_picture(

@@ -8,7 +8,7 @@ import pytest
 import relit_lobes
 import torch
 from browser import browser, complaints, headless
-from relit_page import change, colours_of
+from relit_page import change, colours_of, pixels_of
 from relit_scene import CAMERA
 
 from homofact.relighting.errors import relative
@@ -19,7 +19,7 @@ from homofact.relighting.picture import surface_points
 from homofact.rendering.tonemap import encode_srgb
 from homofact.scene.cameras import Camera
 
-WIDTH, HEIGHT = 200, 150
+WIDTH, HEIGHT = 160, 120
 APART = (0, 1)
 
 
@@ -52,8 +52,9 @@ def still(opened: Any) -> Any:
 
 def shown(driver: Any) -> np.ndarray:
     """The picture (H, W, 3) 0 … 255 that stands, row 0 on top."""
-    values = driver.execute_script("const s = homofact.view.stage; s.show(); return Array.from(s.pixels())")
-    return np.array(values, float).reshape(HEIGHT, WIDTH, 4)[::-1, :, :3]
+    found = pixels_of(driver, "(homofact.view.stage.show(), homofact.view.stage.pixels())")[::-1]
+    assert found.shape == (HEIGHT, WIDTH, 3)
+    return found
 
 
 def linear(pixels: np.ndarray) -> np.ndarray:
@@ -149,7 +150,6 @@ def test_beside_a_reference_the_lobe_stays_at_vertices(still: Any) -> None:
 
 
 def test_only_an_object_with_a_lobe_has_such_programs(still: Any) -> None:
-    still.execute_script("for (const each of homofact.view.stage.objects) each.programs.clear()")
     for interpolation in ("vertex", "pixel"):
         change(still, "picture", interpolation=interpolation)
     keys = still.execute_script("return homofact.view.stage.objects.map((o) => [...o.programs.keys()])")
