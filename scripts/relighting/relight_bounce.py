@@ -39,7 +39,7 @@ mesh = "{root}/data_synthetic/knot.ply"
 [ground]
 albedo = [0.6, 0.45, 0.3]
 half = 4
-steps = 48
+steps = {steps}
 [lighting]
 environment = "{root}/data_synthetic/sky.hdr"
 [[camera]]
@@ -62,21 +62,21 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--pixels", type=int, default=120)
     parser.add_argument("--samples", type=int, default=256)
     chosen = parser.parse_args(arguments)
-    names, size = chosen.materials.split(","), (chosen.pixels, chosen.samples)
+    names, size = chosen.materials.split(","), (chosen.pixels, chosen.samples, 48)
     if chosen.short:
-        names, size = names[:1], (24, 16)
+        names, size = names[:1], (24, 16, 16)
     rows = [cells(measured(name, *size)) for name in names]
     return finish([machine(), markdown(HEADER, rows)], chosen)
 
 
-def measured(name: str, pixels: int, samples: int) -> dict[str, object]:
-    """One material's row."""
+def measured(name: str, pixels: int, samples: int, steps: int = 48) -> dict[str, object]:
+    """One material's row, with a ground of so many squares along a side."""
     camera = Camera((0.6, 0.9, 3.6), (0.0, -0.15, 0.0), 36.0, (pixels, pixels * 3 // 4))
     shown, found = [], {}
     for bounces in (0, 1):
         progress(f"{name}, {bounces} bounces")
         began = time.perf_counter()
-        scene, objects = relit(name, bounces)
+        scene, objects = relit(name, bounces, steps)
         found[f"seconds {bounces}"] = time.perf_counter() - began
         found[f"bytes {bounces}"] = sum(each.nbytes for each in objects)
         shown.append(rendered(scene, objects, camera))
@@ -99,12 +99,12 @@ def measured(name: str, pixels: int, samples: int) -> dict[str, object]:
     }  # fmt: skip
 
 
-def relit(name: str, bounces: int) -> tuple[RelightScene, tuple[RelitObject, ...]]:
+def relit(name: str, bounces: int, steps: int = 48) -> tuple[RelightScene, tuple[RelitObject, ...]]:
     """The scene with the knot's material, relit."""
     material = "albedo = [0.7, 0.5, 0.3]" if name == ALBEDO else f'material = "material:{name}"'
     with TemporaryDirectory() as folder:
         file = Path(folder) / "scene.toml"
-        file.write_text(SCENE.format(root=ROOT, material=material, bounces=bounces))
+        file.write_text(SCENE.format(root=ROOT, material=material, bounces=bounces, steps=steps))
         given = read_relight_scene(file)
     scene = open_relight_scene(replace(given, suns=()))
     return scene, relit_objects(scene)

@@ -43,10 +43,13 @@ half = 4
 environment = "{root}/data_synthetic/sky.hdr"
 [[camera]]
 eye = [0, 0.9, 3.9]
-pixels = [320, 240]
+pixels = [{width}, {height}]
 [transport]
 bounces = {bounces}
 """
+# Pixels, and around and down the ball; with --short a ball and a picture of a few.
+SIZES, SHORT = ((320, 240), (96, 64)), ((80, 60), (32, 24))
+Sizes = tuple[tuple[int, int], tuple[int, int]]
 HEADER = ("ball", "bounces", "K", "MB", "texture", "PSNR", "mean colour", "PSNR", "as mean")
 
 
@@ -56,14 +59,14 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--rows", type=int, default=60, help="of the pictures that are summed in full (%(default)s)")
     parser.add_argument("--picture", type=Path, help="a PNG to write the balls to, side by side")
     chosen = parser.parse_args(arguments)
-    kinds, bounces, rows = list(KINDS), (0, 1), chosen.rows
+    kinds, bounces, rows, sizes = list(KINDS), (0, 1), chosen.rows, SIZES
     if chosen.short:
-        kinds, bounces, rows = kinds[:1], (0,), 8
+        kinds, bounces, rows, sizes = kinds[:1], (0,), 8, SHORT
     lines, shots = [], []
     for kind in kinds:
         for count in bounces:
             progress(f"{kind}, {count} bounces")
-            line, shot = measured(kind, count, rows, chosen.picture is not None and count == bounces[-1])
+            line, shot = measured(kind, count, rows, chosen.picture is not None and count == bounces[-1], sizes)
             lines.append(line)
             shots += [] if shot is None else [shot]
     if chosen.picture is not None:
@@ -71,11 +74,13 @@ def main(arguments: list[str] | None = None) -> int:
     return finish([machine(), markdown(HEADER, lines)], chosen)
 
 
-def measured(kind: str, bounces: int, rows: int, wanted: bool) -> tuple[Sequence[str], np.ndarray | None]:
+def measured(
+    kind: str, bounces: int, rows: int, wanted: bool, sizes: Sizes = SIZES
+) -> tuple[Sequence[str], np.ndarray | None]:
     """(a line of the table, the picture where it is wanted)."""
-    flat, flat_objects = relit(kind, bounces, False)
+    flat, flat_objects = relit(kind, bounces, False, sizes)
     plain = picture_likeness(flat, flat_objects, rows)
-    scene, objects = relit(kind, bounces, True)
+    scene, objects = relit(kind, bounces, True, sizes)
     found = picture_likeness(scene, objects, rows)
     as_mean = picture_likeness(scene, [replace(each, tint=None) for each in objects], rows)
     assert found is not None
@@ -95,11 +100,15 @@ def measured(kind: str, bounces: int, rows: int, wanted: bool) -> tuple[Sequence
     return line, shot
 
 
-def relit(kind: str, bounces: int, textured: bool) -> tuple[RelightScene, tuple[RelitObject, ...]]:
+def relit(
+    kind: str, bounces: int, textured: bool, sizes: Sizes = SIZES
+) -> tuple[RelightScene, tuple[RelitObject, ...]]:
     """The scene with a ball that has the texture or its mean colour, relit."""
+    (width, height), ball = sizes
+    text = SCENE.format(root=ROOT, bounces=bounces, width=width, height=height)
     with TemporaryDirectory() as folder:
-        write_ball(Path(folder) / "ball.glb", *KINDS[kind], textured)
-        (Path(folder) / "scene.toml").write_text(SCENE.format(root=ROOT, bounces=bounces))
+        write_ball(Path(folder) / "ball.glb", *KINDS[kind], textured, *ball)
+        (Path(folder) / "scene.toml").write_text(text)
         scene = open_relight_scene(read_relight_scene(Path(folder) / "scene.toml"))
     return scene, relit_objects(scene)
 

@@ -100,4 +100,4 @@ def test_textures_add_little_to_the_error(capsys: pytest.CaptureFixture[str], tm
     texture, plain, mean = (float(found[name].rstrip("%")) for name in ("texture", "mean colour", "as mean"))
     assert texture < plain + 1
     assert mean > 10 * texture
-    assert read_png(tmp_path / "balls.png").shape == (240, 320, 3)
+    assert read_png(tmp_path / "balls.png").shape == (60, 80, 3)
