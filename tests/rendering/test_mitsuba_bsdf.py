@@ -51,6 +51,7 @@ def fits(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 CASES = [(name, None) for name in COORDINATES] + [("half-diff", 0.03), ("isotropic-half-diff", 0.03)]
 
 
+@pytest.mark.usefixtures("rough_sampling")
 @pytest.mark.parametrize("reciprocal", [True, False])
 @pytest.mark.parametrize(("coordinates", "width"), CASES)
 def test_it_evaluates_as_the_factorization(
@@ -79,6 +80,7 @@ def test_fits_evaluate_as_in_python(mi: Any, fits: dict[str, Path], name: str) -
     assert float(relative[int(0.99 * len(relative))]) < 1e-3
 
 
+@pytest.mark.usefixtures("rough_sampling")
 @pytest.mark.parametrize("name", SEPARABLE)
 def test_sums_of_products_evaluate_as_in_python(mi: Any, tmp_path: Path, name: str) -> None:
     fit = SEPARABLE[name]
