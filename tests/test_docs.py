@@ -37,9 +37,11 @@ def test_the_relighting_that_its_document_shows_runs(tmp_path: Path, monkeypatch
         shutil.copytree(ROOT / folder, tmp_path / folder)
     scene = tmp_path / "configs" / "scenes" / "relight.toml"
     # The same lines on a coarser scene.
-    scene.write_text(
-        scene.read_text(encoding="utf-8").replace("cube = 32", "cube = 8").replace("share = 0.99", "terms = 2")
-    )
+    text = scene.read_text(encoding="utf-8")
+    for given, coarse in (("cube = 64", "cube = 8"), ("steps = 64", "steps = 12"), ("[560, 420]", "[70, 52]")):
+        assert given in text
+        text = text.replace(given, coarse)
+    scene.write_text(text)
     monkeypatch.chdir(tmp_path)
     text = (ROOT / "docs/relighting.md").read_text(encoding="utf-8")
     blocks = blocks_of(text[: text.index("## The page")], "python")
