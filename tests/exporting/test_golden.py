@@ -89,6 +89,7 @@ def test_a_result_finds_its_samples_and_its_errors_again(name: str) -> None:
     )
 
 
+@pytest.mark.usefixtures("rough_sampling")
 @pytest.mark.parametrize("name", VALUES)
 def test_the_commands_take_it(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(ROOT / "data_synthetic")
