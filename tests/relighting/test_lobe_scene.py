@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from coarse import coarse_shapes
 from relighting_cases import light
 
 from homofact.errors import BadInput
@@ -134,7 +135,8 @@ def test_a_tolerance_is_met_with_the_lobe_apart_where_terms_alone_do_not(tmp_pat
         TEXT.replace('lobe = "separate"\nterms = 2', "").replace("kept = 400", "") + "[tolerance]\nreflected = 0.04\n"
     )
     text = text.replace("blinn-phong-50", "car-paint-red").replace("cube = 16", "cube = 8")
-    planned = open_relight_scene(read(tmp_path, text))
+    with coarse_shapes():
+        planned = open_relight_scene(read(tmp_path, text))
     plan = planned.plans[0]
     assert plan.chosen.of_lobe is not None
     assert plan.chosen.form.endswith("separate lobe")
@@ -145,7 +147,9 @@ def test_a_tolerance_is_met_with_the_lobe_apart_where_terms_alone_do_not(tmp_pat
     assert found is not None
     assert found.errors["together"] < 0.04
     assert relit[0].nbytes == pytest.approx(plan.chosen.bytes, rel=0.5)
-    terms = open_relight_scene(read(tmp_path, text.replace("size = 0.5", 'size = 0.5\nlobe = "factored"'))).plans[0]
+    with coarse_shapes():
+        alone = open_relight_scene(read(tmp_path, text.replace("size = 0.5", 'size = 0.5\nlobe = "factored"')))
+    terms = alone.plans[0]
     assert terms.factored.lobe is None
     assert terms.chosen.of_lobe is None
     assert not terms.met
