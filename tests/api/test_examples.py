@@ -16,6 +16,7 @@ EXAMPLES = {
 }
 
 
+@pytest.mark.usefixtures("small_pictures", "rough_sampling")
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_an_example_runs(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
