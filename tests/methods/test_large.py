@@ -66,13 +66,13 @@ def test_a_large_search_makes_no_dense_system(monkeypatch: pytest.MonkeyPatch) -
 
 def test_layouts_of_many_bytes_are_judged_with_fewer(monkeypatch: pytest.MonkeyPatch) -> None:
     asked = []
-    judged = shapes._judged
+    judged = shapes._Judge.error
 
-    def seen(mix, own, *rest):
+    def seen(judge, mix, own):
         asked.append(sum(rows * columns for rows, columns in own))
-        return judged(mix, own, *rest)
+        return judged(judge, mix, own)
 
-    monkeypatch.setattr(shapes, "_judged", seen)
+    monkeypatch.setattr(shapes._Judge, "error", seen)
     monkeypatch.setattr(shapes, "MOST_DENSE", 150)
     monkeypatch.setattr(size, "MOST_DENSE", 150)
     fit = paint(homofact.Search(bytes=12 * 600, effort=3, search_size=6, search_samples=300))
