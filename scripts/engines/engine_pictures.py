@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import torch
 from PIL import Image, ImageDraw, ImageFont
 
 from homofact.brdf.reflectance import Reflectance
@@ -41,7 +42,9 @@ from homofact.methods.search import Search
 from homofact.rendering.environment import read_environment
 from homofact.rendering.filtered import draw_sphere
 from homofact.rendering.light import DEFAULT_LIGHT, EnvironmentMap
+from homofact.rendering.sphere import SphereImage
 from homofact.rendering.surface import RADIUS
+from homofact.rendering.tonemap import DEFAULT_CURVE, automatic_exposure, displayed, encode_srgb
 from homofact.shading.cost import cost_of
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
@@ -61,6 +64,7 @@ BOUND = 0.85  # of the radius: beyond, a pixel's mean and its middle differ
 DRAWN = ("three", "materialx", "godot", "gltf")
 COSTS = ("bytes of texels", "operations for a lamp", "bytes for skies", "operations for a sky")
 MARGIN, CAPTION = 10, 34
+BACKGROUND = 0.008  # linear
 
 
 def difference(found: np.ndarray, expected: np.ndarray) -> tuple[float, float]:
@@ -127,25 +131,25 @@ def costs(made: Exported, added: Added) -> list[str]:
 
 
 def sheet(rows: list[tuple[str, list[np.ndarray]]]) -> Image.Image:
-    """The picture: a row a material, a column a renderer, one exposure a row."""
+    """The picture: a row a material, a column a renderer, one exposure a row, as in `homofact render`."""
     size = rows[0][1][0].shape[0]
     panels = (*PANELS, BLENDER_PANEL)[: len(rows[0][1])]
     wide = MARGIN + len(panels) * (size + MARGIN)
-    picture = Image.new("RGB", (wide, CAPTION + len(rows) * (size + CAPTION)), (20, 22, 26))
+    grey = int((encode_srgb(torch.tensor(BACKGROUND)) * 255).round())
+    picture = Image.new("RGB", (wide, CAPTION + len(rows) * (size + CAPTION)), (grey, grey, grey))
     pen, font = ImageDraw.Draw(picture), ImageFont.load_default(max(12, size // 18))
     y, x = np.mgrid[:size, :size] + 0.5 - size / 2
-    inside = np.clip(RADIUS * size / 2 - np.hypot(x, y) + 0.5, 0, 1)[..., None]
+    inside = torch.from_numpy(np.clip(RADIUS * size / 2 - np.hypot(x, y) + 0.5, 0, 1))
     for k, title in enumerate(panels):
         middle = MARGIN + k * (size + MARGIN) + size // 2
         pen.text((middle, CAPTION // 2), title, (230, 230, 230), font, anchor="mm")
     for line, (name, spheres) in enumerate(rows):
         top = CAPTION + line * (size + CAPTION)
-        bright = 0.5 / float(np.quantile(spheres[0].max(2)[inside[..., 0] == 1], 0.85))
-        for k, radiance in enumerate(spheres):
-            linear = np.clip(radiance * bright, 0, 1)
-            coded = np.where(linear < 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
-            levels = coded * inside * 255 + (1 - inside) * np.array((20, 22, 26))
-            picture.paste(Image.fromarray(levels.round().astype(np.uint8)), (MARGIN + k * (size + MARGIN), top))
+        images = [SphereImage(torch.from_numpy(np.asarray(each, dtype=np.float64)), inside) for each in spheres]
+        exposure = automatic_exposure(images[0])
+        for k, image in enumerate(images):
+            levels = (displayed(image, exposure, BACKGROUND, DEFAULT_CURVE) * 255).round().to(torch.uint8)
+            picture.paste(Image.fromarray(levels.numpy()), (MARGIN + k * (size + MARGIN), top))
         pen.text((MARGIN, top + size + CAPTION // 2), name, (230, 230, 230), font, anchor="lm")
     return picture
 
