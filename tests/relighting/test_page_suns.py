@@ -67,7 +67,7 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> RelightResult:
 
 @pytest.fixture(scope="module")
 def opened(scene: RelightResult, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
-    with relit_page(tmp_path_factory.mktemp("page"), scene, (280, 210)) as driver:
+    with relit_page(tmp_path_factory.mktemp("page"), scene, (320, 240)) as driver:
         yield driver
 
 
@@ -121,7 +121,7 @@ def test_pixels_have_light_and_shadow_of_the_suns(suns: Any, scene: RelightResul
     suns.execute_script("homofact.view.orbit.turn(arguments[0], 5); homofact.changed('light-shown')", across)
     headless.settled(suns)
     apart = compared(suns, scene, turned(scene.objects, turn))
-    assert len(apart) > 9_000
+    assert len(apart) > 11_000
     # Outlines and the edges of shadows, one sample a pixel against four, are a few pixels in a hundred.
     assert np.median(apart) < 1.5
     assert (apart > 25).mean() < 0.06
