@@ -5,6 +5,7 @@ and a command whose product is a file prints nothing. The bar runs on a terminal
 prints its progress in lines, except with --json or if HOMOFACT_PROGRESS is 0 in the environment.
 """
 
+import copy
 import json
 import os
 from collections.abc import Iterator
@@ -15,6 +16,8 @@ from rich.console import Console, ConsoleOptions, RenderableType
 from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.progress import Progress as ProgressBar
 from rich.segment import Segment
+from rich.table import Table
+from rich.text import Text
 
 from homofact.api.progress import Progress, ProgressStep, ProgressSteps
 from homofact.cli.flags import with_options
@@ -63,12 +66,20 @@ class Screen:
             self._err.print(with_options(text), soft_wrap=True)
 
     def show(self, *parts: RenderableType) -> None:
-        """Tables and lines on stdout, unless --json is; lines are never wrapped."""
+        """Tables and lines on stdout, unless --json is.
+
+        Lines are never wrapped. A table's title wraps at the width of the terminal, where rich would wrap it at the
+        width of the table.
+        """
         if self.as_json:
             return
         for part in parts:
             if isinstance(part, str):
                 self._out.print(with_options(part), soft_wrap=True)
+            elif isinstance(part, Table) and part.title:
+                untitled = copy.copy(part)
+                untitled.title = None
+                self._out.print(Text(str(part.title), "table.title"), untitled)
             else:
                 self._out.print(part)
 
