@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any
 
 from homofact.errors import BadInput
-from homofact.evaluation.wording import counted
 from homofact.files.reading import read_toml
 from homofact.settings.kinds import CONFIGURATION, EDITING, PLANNING, RELIGHTING, SWEEP, kinds_of
 
@@ -36,7 +35,7 @@ def toml_facts(place: Path) -> tuple[str, dict[str, Any], dict[str, Any]] | None
     if RELIGHTING in kinds and "tolerance" in table:
         readers.insert(0, READERS[PLANNING])
     facts = {"kind": " or ".join(kinds), "read_by": readers}
-    return place.name, facts | {name: _words(value) for name, value in table.items()}, {"file": str(place), **facts}
+    return place.name, facts | _rows(table), {"file": str(place), **facts}
 
 
 def _reader(kind: str, table: Mapping[str, Any]) -> str:
@@ -44,8 +43,12 @@ def _reader(kind: str, table: Mapping[str, Any]) -> str:
     return "compare" if kind == CONFIGURATION and "compare" in table else READERS[kind]
 
 
-def _words(value: Any) -> Any:
-    """A key's value for a line: how many tables it has, or the keys of its table."""
-    if isinstance(value, list) and value and all(isinstance(each, Mapping) for each in value):
-        return counted(len(value), "table")
-    return ", ".join(value) or "empty" if isinstance(value, Mapping) else value
+def _rows(table: Mapping[str, Any]) -> dict[str, Any]:
+    """The keys of a table with their values for people: a list of tables gets a row per table."""
+    rows: dict[str, Any] = {}
+    for name, value in table.items():
+        if isinstance(value, list) and value and all(isinstance(each, Mapping) for each in value):
+            rows |= {name if len(value) == 1 else f"{name} {k}": each for k, each in enumerate(value, 1)}
+        else:
+            rows[name] = "empty" if value == {} else value
+    return rows

@@ -127,13 +127,18 @@ def test_a_toml_file_is_told_by_the_commands_that_read_it(
     assert f"kind {kind} read by {' '.join(f'homofact {command.format(place)}' for command in commands)}" in said
 
 
-def test_what_a_toml_file_has_is_counted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_a_toml_file_has_is_shown(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     place = tmp_path / "shop.toml"
     place.write_text('seed = 3\n[[material]]\nsource = "a"\n[[material]]\nsource = "b"\n[budget]\nbytes = 9\n')
     assert main(["info", str(place)]) == 0
-    rows = [line.split(None, 1) for line in capsys.readouterr().out.splitlines() if line.strip()]
+    said = capsys.readouterr().out.splitlines()
+    rows = [line.split(None, 1) for line in said if line.strip()]
     found = {row[0]: row[1].strip() for row in rows if len(row) > 1}
-    assert (found["seed"], found["material"], found["budget"]) == ("3", "2 tables", "bytes")
+    assert (found["seed"], found["budget"]) == ("3", "bytes 9")
+    assert [row[1:] for row in map(str.split, said) if row[:1] == ["material"]] == [
+        ["1", "source", "a"],
+        ["2", "source", "b"],
+    ]
 
 
 BAD_TOML = {
