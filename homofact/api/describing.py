@@ -129,8 +129,24 @@ def info(source: Any, *, plot: Place | None = None, seed: int = 0, progress: Pro
     # A model's name and parameters read better as rows of their own.
     apart = ("material", "suspected", "gains", "clipped", "tilt")
     rows = {name: value for name, value in facts.items() if name not in apart} | (facts.get("material") or {})
+    rows["faults"] = _faults_in_words(facts["faults"])
+    if subject.kind == "drawn":
+        rows["kind"] = "table or network; homofact draws the samples from it"
     mended = tuple(mending_lines(subject.samples.provenance, looked_for=True))
     return InfoResult(subject.name, subject.kind, facts, rows, mended, tuple(suspected), asked)
+
+
+def _faults_in_words(faults: dict[str, Any]) -> dict[str, Any]:
+    """Return the faults of a source with the albedo, the holes and a missing reciprocity error in words."""
+    holes = faults["holes"]
+    found = {
+        "reciprocity_error": faults["reciprocity_error"]
+        or "not measured: fewer than ten pairs of samples with light and view exchanged",
+        "albedo_by_degrees": ", ".join(f"{value:.4g} at {at}°" for at, value in faults["albedo_by_degrees"].items()),
+        "holes": f"{holes['empty']} of {holes['cells']} cells ({holes['share']:.0%})",
+    }
+    # `albedo_by_degrees` states its angles, so that its row needs the name alone.
+    return {"albedo" if name == "albedo_by_degrees" else name: found.get(name, value) for name, value in faults.items()}
 
 
 def _draw(picture: Path, subject: "Source") -> dict[str, Any]:
