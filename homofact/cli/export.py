@@ -128,5 +128,8 @@ def _warnings(found: ExportResult) -> list[str]:
 
 
 def _noise_line(measured: Sequence[Mapping[str, float]]) -> str:
-    angles = ", ".join(f"{at['angle']:.0f}°: {at['variance']:.2g} ({at['cosine']:.2g})" for at in measured)
-    return f"Relative variance of one sample of homofact_sample (of one by the cosine), viewer at {angles}."
+    angles = ", ".join(f"{at['variance']:.2g} ({at['cosine']:.2g}) at {at['angle']:.0f}°" for at in measured)
+    return (
+        "Relative variance per sample of homofact_sample (in brackets: of cosine sampling), by the viewer's angle:"
+        f" {angles}."
+    )

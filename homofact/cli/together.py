@@ -55,7 +55,9 @@ def total_line(record: dict[str, Any]) -> str:
 
 def noise_table(record: dict[str, Any]) -> Table:
     """Return the noise of directions drawn by homofact_sample for each label, by the viewer's angle."""
-    table = plain_table("Relative variance of one sample of homofact_sample (of one by the cosine), viewer at")
+    table = plain_table(
+        "Relative variance per sample of homofact_sample (in brackets: of cosine sampling), by the viewer's angle"
+    )
     add_figures(table, "label", *(f"{each['angle']:.0f}°" for each in record["clusters"][0]["noise"]))
     for label, cluster in enumerate(record["clusters"]):
         table.add_row(str(label), *(f"{each['variance']:.2g} ({each['cosine']:.2g})" for each in cluster["noise"]))
