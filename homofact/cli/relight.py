@@ -71,13 +71,17 @@ def likeness_line(found: Mapping[str, Any]) -> str:
 
 _ASIDE = ("psnr", "below_zero", "vertices")
 _BESIDE = 4  # objects of a table of errors
+_ERRORS = (
+    "Relative RMS error of the light towards the first camera (picture: in total, at pixels; together: in total, at"
+    " vertices; rim: at vertices seen at cosθ below 0.2; other rows: parts of it)"
+)
 
 
 def object_table(objects: "tuple[RelitObject, ...]") -> Table:
     """One line per object: its size, form, terms K, numbers N per vector, and the bytes that are stored of it."""
     from homofact.relighting.harmonic import Harmonic
 
-    table = plain_table()
+    table = plain_table("Transport of each object (K: terms; N: mean coefficients per vector)")
     add_names(table)
     add_figures(table, "vertices", "form", "K", "N", "kB")
     for relit in objects:
@@ -104,13 +108,16 @@ def error_tables(objects: Sequence[Mapping[str, Any]]) -> list[Table]:
         some = objects[first : first + _BESIDE]
         errors = [entry["error"] for entry in some]
         stages = list(dict.fromkeys(name for found in errors for name in found or () if name not in _ASIDE))
-        table = plain_table("Relative RMS error of the light towards the first camera" if first == 0 else None)
+        stages.sort(key=lambda name: name != "picture")  # the total, to be read first
+        table = plain_table(_ERRORS if first == 0 else None)
         table.add_column("", no_wrap=True)
         for entry in some:
             table.add_column(entry["mesh"], justify="right", overflow="fold", min_width=8)
         for stage in stages:
             table.add_row(stage, *[figure(found[stage]) if found and stage in found else "–" for found in errors])
-        table.add_row("PSNR", *[f"{found['psnr']:.1f} dB" if found and "psnr" in found else "–" for found in errors])
+            if stage == "picture":
+                ratios = [f"{found['psnr']:.1f} dB" if found and "psnr" in found else "–" for found in errors]
+                table.add_row("PSNR", *ratios)
         table.add_row("below zero", *[f"{found['below_zero']:.2%}" if found else "not seen" for found in errors])
         tables.append(table)
     return tables
