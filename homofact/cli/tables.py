@@ -167,9 +167,8 @@ def mean_table(rows: "Sequence[MeanRow]") -> Table:
     from homofact.evaluation.metric_table import METRICS
 
     fits = max(row.fits for row in rows)
-    table = plain_table(
-        f"Mean ± standard deviation by method and bytes, over {counted(fits, 'fit')} each where not fewer"
-    )
+    over = f", over at most {counted(fits, 'fit')} each" if fits > 1 else " (one fit each)"
+    table = plain_table(f"Mean ± standard deviation by method and bytes{over}")
     add_names(table)
     add_figures(table, "bytes", "fits")
     add_names(table, "metric")
