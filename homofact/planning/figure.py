@@ -190,7 +190,7 @@ def _used(axes: Axes, distinct: tuple[MaterialPlan, ...], bars: list[list[tuple[
     axes.set_ylim(max(place, _FEWEST_ROWS) - 0.3, -0.7)
     axes.set_yticks(ticks, labels, fontsize=8)
     axes.tick_params(axis="y", length=0)
-    axes.set_xlabel("part of the limit that the choice uses (lighter: with the margin for other views)")
+    axes.set_xlabel("part of the limit that the choice uses\n(lighter: with the margin for other views)")
     axes.set_title("How much of its limits each choice uses", fontsize=9.5)
     axes.spines[["top", "right", "left"]].set_visible(False)
 
