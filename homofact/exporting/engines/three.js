@@ -3,12 +3,12 @@
 //     import { BrdfMaterial } from "...";
 //     mesh.material = new BrdfMaterial();
 //
-// Lights are exact (directional, point and spot, with their shadows; radiance is f cosθ times three's light colour times
-// intensity, an irradiance). Environments are reflected by the fit too: a table over the viewer's angle says which levels
-// of three's own filtered environment to read, in which directions, with which weights. A three that filters otherwise
-// shows them by color, metalness and roughness, the glTF material that looks most like the fit, and says so. The surface
-// frame is the geometry's tangents where the material has vertexTangents = true, else the direction of increasing
-// longitude about the object's y axis.
+// The fit reflects directional, point and spot lights, with their shadows: radiance is f cosθ times three's light colour
+// times intensity, an irradiance. It also reflects environments: a table over the viewer's angle gives the levels of
+// three's own filtered environment to read, their directions and their weights. If three filters otherwise, color,
+// metalness and roughness reflect them, the glTF material that looks most like the fit, and the console shows a warning.
+// With vertexTangents = true the surface frame follows the geometry's tangents, otherwise the direction of increasing
+// longitude around the object's y axis.
 import * as THREE from "three";
 
 const DATA = @DATA@;
