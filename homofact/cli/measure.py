@@ -120,25 +120,26 @@ def measure(
 def _shown(found: "MeasureResult") -> list[Any]:
     count = 0 if found.samples is None else len(found.samples)
     told = found.foretold
-    factors = {
-        name: ", ".join(map(_with_interval, *both))
-        for name, both in (
-            ("albedo", (told.albedo, told.albedo_factor)), ("highlight", (told.highlight, told.highlight_factor)),
-        )
-    }  # fmt: skip
-    at = ", ".join(f"{degrees:g}°" for degrees in told.degrees)
+    albedo, highlight = (
+        [
+            f"{_with_interval(*pair)} at {degrees:g}°"
+            for *pair, degrees in zip(values, factors, told.degrees, strict=True)
+        ]
+        for values, factors in ((told.albedo, told.albedo_factor), (told.highlight, told.highlight_factor))
+    )
+    more = "another round pays" if not found.stop else "you can stop"
     facts = {
         "samples so far": str(count),
         "sphere PSNR": f"about {told.psnr:.1f} dB, above {told.psnr_least:.1f} dB for nine of ten materials",
-        "albedo": f"{factors['albedo']} at {at}",
-        "within 6°": f"{factors['highlight']} with a half angle of at most 6°",
+        "albedo": albedo,
+        "of it, highlight": highlight,
         "chosen": f"{len(found.angles)} directions"
         + (f" of {len(found.incidences)} incidences" if found.incidences else ""),
-        "squared error": f"expected to fall to {found.remaining:.0%}",
-        "moves": f"{found.seconds:.0f} s in this order, {found.seconds_unordered:.0f} s as chosen",
+        "squared error": f"expected to fall to {found.remaining:.0%} of the present one",
+        "time of moves": f"{found.seconds:.0f} s in this order"
+        f" ({found.seconds_unordered:.0f} s in the order of choosing)",
         "pictures": f"expected to change by {found.change:.1%}",
-        "three rings more": f"expected to change them by {found.change_by_rings:.1%}:"
-        f" {'stop' if found.stop else 'go on'}",
+        "three rings more": f"expected to change the pictures by {found.change_by_rings:.1%}: {more}",
     }
     shown: list[Any] = [facts_table("Where to measure next", facts)]
     if not found.files:
