@@ -250,7 +250,7 @@ def of_the_suspicions(noted: Noted) -> Iterator[Finding]:
     for each in noted.suspicions:
         if each.name not in _SEEN_BY_LIGHT:
             words = f"{each.words}, odds of {min(each.odds, 1e6):,.0f} to 1"
-            yield Finding(each.name, About.DATA, words, f"{each.remedy} if that is so", feature="odds")
+            yield Finding(each.name, About.DATA, words, f"if so, {each.remedy}", feature="odds")
 
 
 def of_the_pictures(noted: Noted) -> Iterator[Finding]:

@@ -200,8 +200,8 @@ CHECKS = (
     ),
     Check(
         "shadow", _shadow,
-        lambda f: f"darker by {-math.expm1(-min(max(f[0], 0), 9)):.0%} near the light: an arm's shadow",
-        remedy="leave the samples within 8° of the light out",
+        lambda f: f"darker by {-math.expm1(-min(max(f[0], 0), 9)):.0%} near the light, as in an arm's shadow",
+        remedy="leave out the samples within 8° of the light",
     ),
     Check(
         "channels", _channels, lambda f: f"{f[0]:.2g}% of the rows have two channels exchanged",
