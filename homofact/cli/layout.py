@@ -4,6 +4,8 @@ from rich import box
 from rich.table import Table
 from rich.text import Text
 
+from homofact.cli.flags import with_options
+
 # Names of up to so many characters stay whole.
 LEAST_NAME = 24
 
@@ -28,7 +30,11 @@ def add_figures(table: Table, *headers: str) -> None:
 
 
 def hanging(line: str, indent: int) -> Table:
-    """Return a line that wraps under its text: what comes after the first `indent` characters."""
+    """Return a line that wraps under its text: what comes after the first `indent` characters.
+
+    Settings that the library advises become options, as in every line of the screen.
+    """
+    line = with_options(line)
     grid = Table.grid()
     grid.add_column(no_wrap=True, width=indent)
     grid.add_column(overflow="fold")

@@ -5,7 +5,8 @@ import io
 import pytest
 from rich.console import Console
 
-from homofact.cli.layout import LEAST_NAME, add_figures, add_names, plain_table
+from homofact.cli.layout import LEAST_NAME, add_figures, add_names, hanging, plain_table
+from homofact.cli.screen import Screen
 
 FIGURES = ["30%", "66%", "123456", "1", "2"]
 
@@ -35,3 +36,22 @@ def test_a_very_long_name_is_broken_and_no_figure_is() -> None:
     assert max(map(len, found)) <= 80
     assert sum(line.count("z") for line in found) == 70
     assert any("z" in line and line.split()[-5:] == FIGURES for line in found)
+
+
+def test_advice_under_a_bullet_is_an_option_and_wraps_under_its_text() -> None:
+    out = io.StringIO()
+    Console(file=out, width=30).print(hanging("  - larger textures or more (`size=32`)", 4))
+    assert [line.rstrip() for line in out.getvalue().splitlines()] == ["  - larger textures or more", "    (--size 32)"]
+
+
+def test_a_title_wraps_at_the_terminal_and_not_at_its_table(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "40")
+    table = plain_table("Errors of the fits, and what they cost on this machine")
+    add_figures(table, "n")
+    table.add_row("1")
+    Screen(as_json=False, quiet=False).show(table)
+    said = [line.rstrip() for line in capsys.readouterr().out.splitlines()]
+    assert said[:2] == ["Errors of the fits, and what they cost", "on this machine"]
+    assert table.title is not None

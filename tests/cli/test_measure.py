@@ -97,7 +97,13 @@ def test_samples_in_memory_and_the_estimate_as_a_source() -> None:
 def test_a_table_for_people(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["measure", "--directions", "2"]) == 0
     shown = " ".join(capsys.readouterr().out.split())
-    words = ("Where to measure next", "for nine of ten materials", "three rings more", "within a factor of", "another round pays")
+    words = (
+        "Where to measure next",
+        "for nine of ten materials",
+        "three rings more",
+        "within a factor of",
+        "another round pays",
+    )
     for each in (*words, "theta_i", "time of moves"):
         assert each in shown
 
