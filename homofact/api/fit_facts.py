@@ -48,6 +48,6 @@ def fit_facts(place: Path) -> tuple[str, dict[str, Any], dict[str, Any]] | None:
     if bars is not None:
         facts["bars"] = bars.record()
         for bar in bars.by_angle:
-            stated = f"unknown: {bar.reason}" if bar.error is None else f"{bar.between()} of the fit's"
+            stated = f"unknown: {bar.reason}" if bar.error is None else f"{bar.between()} times that of the fit"
             rows[f"total reflected light at {bar.degrees[0]:.0f}°"] = stated
     return place.name, rows, facts
