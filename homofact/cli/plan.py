@@ -8,6 +8,7 @@ import typer
 from rich.text import Text
 
 from homofact.cli import options as o
+from homofact.cli.layout import hanging
 from homofact.cli.plan_relight import choice_table as transport_table
 from homofact.cli.plan_tables import choice_table, evidence_table, fetches_in_words, in_words, step_table
 from homofact.cli.screen import Screen
@@ -95,8 +96,9 @@ def _show(found: "PlanResult", screen: Screen) -> None:
     plan = found.plan
     steps = step_table(plan)
     screen.show(choice_table(plan), *([] if steps is None else [steps]), *map(Text, _reading_lines(plan)))
-    screen.show(evidence_table(plan), *map(Text, _lines(plan, found.against)))
-    screen.show(*(Text(line) for line in finding_lines(found.verdicts)))
+    screen.show("", evidence_table(plan), *map(Text, _lines(plan, found.against)))
+    verdicts = [hanging(line, len("  - " if line.startswith(" ") else "  ")) for line in finding_lines(found.verdicts)]
+    screen.show(*([""] if verdicts else []), *verdicts)
     for line in found.warnings:
         screen.show(Text(f"Warning: {line}.", "bold red"))
 

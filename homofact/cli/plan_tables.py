@@ -43,7 +43,7 @@ def headline(found: "ScenePlan") -> str:
     lightings = " and ".join(each.name for each in found.scene.lightings)
     return (
         f"{counted(len(found.distinct), 'material')}: {counted(found.bytes, 'byte')} in"
-        f" {counted(textures, 'texture')}, {fetches_in_words(found.fetches)} per pixel, for"
+        f" {counted(textures, 'texture')}, {fetches_in_words(found.fetches)} per pixel; tolerance:"
         f" {found.scene.tolerance.describe()} under {lightings}"
     )
 
