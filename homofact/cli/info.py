@@ -7,6 +7,7 @@ import typer
 from rich.text import Text
 
 from homofact.cli import options as o
+from homofact.cli.layout import hanging
 from homofact.cli.materials import list_materials
 from homofact.cli.screen import Screen
 from homofact.cli.subject import source_of
@@ -63,8 +64,8 @@ def info(
         rows = rows | {"read_by": commands}
     screen.show(facts_table(found.name, rows), *map(Text, found.mended))
     if found.suspected:
-        lines = [f"- {suspicion.line()}" for suspicion in found.suspected]
+        lines = [hanging(f"- {suspicion.line()}", len("- ")) for suspicion in found.suspected]
         screen.show("Suspected, with the odds against the data as they stand:", *lines)
     if found.asked:
-        screen.show("Please check:", *(f"- {question}" for question in found.asked))
+        screen.show("Please check:", *(hanging(f"- {question}", len("- ")) for question in found.asked))
     screen.answer(found.record())
