@@ -154,7 +154,7 @@ class CompareSettings(_Checked):
 class OutputSettings(_Checked):
     """Where the result goes (`folder`), and whether a result already there is replaced (`force`)."""
 
-    folder: str | None = option(None, "Folder for the result", flag="out", metavar="FOLDER", panel=OUTPUT)
+    folder: str | None = option(None, "Folder for the result (required)", flag="out", metavar="FOLDER", panel=OUTPUT)
     force: bool = option(False, "Replace an existing result; repeat the fits of a chart", panel=OUTPUT)
 
 
