@@ -43,7 +43,7 @@ _WORDS = {"true": True, "yes": True, "false": False, "no": False}
 _MOST_COLUMNS = 4096
 _SLACK = 1e-6
 _LENGTH_TOLERANCE = 1e-3
-_ASSUMED = "taken as isotropic, as all light has one azimuth (a line # isotropic: false says otherwise)"
+_ASSUMED = "taken as isotropic, because all light has one azimuth; to change this, write a line # isotropic: false"
 
 # Which rows of a column are wrong (N,), and what is said of one.
 _Fault = tuple[Tensor, Callable[[int], BadInput]]
