@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from browser import headless
+from coarse import coarse_shapes, coarse_terms
 from relit_page import ANGLE, change, library_picture, relit_page, shown_picture, statistics
 
 from homofact.relighting.build import RelitObject, open_relight_scene, relit_objects
@@ -63,18 +64,15 @@ DAY = np.ones((6, 8, 8, 3))
 def scene(tmp_path_factory: pytest.TempPathFactory) -> RelightResult:
     file = tmp_path_factory.mktemp("lamps") / "scene.toml"
     file.write_text(SCENE)
-    opened = open_relight_scene(read_relight_scene(file))
-    made = RelightResult.of(opened.file, relit_objects(opened), {})
+    with coarse_shapes(), coarse_terms():
+        opened = open_relight_scene(read_relight_scene(file))
+        made = RelightResult.of(opened.file, relit_objects(opened), {})
     return replace(made, reference=tuple(made.shade(DAY, made.cameras[0].eye, suns=True)))
 
 
 @pytest.fixture(scope="module")
 def opened(scene: RelightResult, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
-    with relit_page(tmp_path_factory.mktemp("page"), scene) as driver:
-        driver.execute_script(
-            "const p = document.getElementById('picture'); p.style.width = '240px'; p.style.height = '180px';"
-            "homofact.changed('picture');"
-        )
+    with relit_page(tmp_path_factory.mktemp("page"), scene, (240, 180)) as driver:
         headless.settled(driver)
         yield driver
 

@@ -1,11 +1,13 @@
 """Base-colour textures in relit scenes: parts that add up, tables and terms in two parts, pictures, errors, folders."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
+from coarse import coarse_terms
 from textured import LINEAR, MEAN, written
 
 from homofact.brdf.analytic.metallic_roughness import MetallicRoughness
@@ -52,6 +54,12 @@ MODELS = {
     "metal": MetallicRoughness(tuple(MEAN.tolist()), 1.0, 0.3),
     "half": MetallicRoughness(tuple(MEAN.tolist()), 0.4, 0.5),
 }
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _coarse() -> Iterator[None]:
+    with coarse_terms():
+        yield
 
 
 def pairs(count: int = 500) -> tuple[torch.Tensor, torch.Tensor]:
