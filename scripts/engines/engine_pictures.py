@@ -145,7 +145,7 @@ def sheet(rows: list[tuple[str, list[np.ndarray]]]) -> Image.Image:
         pen.text((middle, CAPTION // 2), title, (230, 230, 230), font, anchor="mm")
     for line, (name, spheres) in enumerate(rows):
         top = CAPTION + line * (size + CAPTION)
-        images = [SphereImage(torch.from_numpy(np.asarray(each, dtype=np.float64)), inside) for each in spheres]
+        images = [SphereImage(torch.tensor(each.copy(), dtype=torch.float64), inside) for each in spheres]
         exposure = automatic_exposure(images[0])
         for k, image in enumerate(images):
             levels = (displayed(image, exposure, BACKGROUND, DEFAULT_CURVE) * 255).round().to(torch.uint8)
