@@ -2,17 +2,18 @@
 
     python scripts/accuracy/bytes_on_few_samples.py                   # all of it: some ten minutes of one processor
     python scripts/accuracy/bytes_on_few_samples.py --rows 600 --materials phong-30
+    python scripts/accuracy/bytes_on_few_samples.py --one-fold        # layouts chosen as for many samples
 
 Materials of which all values are known are "measured" without noise on rings or at random directions. Each row of the
 table is a fit: the error on its held-out samples, the error on 20,000 directions that nobody measured (cosine-weighted,
-θ up to 75°), and whether the verdict warns.
+θ up to 75°), and whether the verdict warns. Last come the geometric means of both errors over all fits by `--bytes`.
 """
 
 import argparse
 import math
 import sys
 from dataclasses import dataclass
-from statistics import median
+from statistics import geometric_mean, median
 from typing import Any
 
 import torch
@@ -27,6 +28,7 @@ from homofact.evaluation.compare import ComparisonRow, fit_and_measure
 from homofact.evaluation.metrics import measure
 from homofact.evaluation.wording import figure, shapes
 from homofact.geometry.directions import draw_cosine_weighted, draw_in_discs, from_spherical
+from homofact.methods import shapes as layouts
 from homofact.methods.search import Search
 
 _STEEPEST = 75  # degrees
@@ -111,7 +113,10 @@ def main() -> None:
     parser.add_argument("--rows", nargs="+", type=int, default=ROWS)
     parser.add_argument("--layouts", nargs="+", default=LAYOUTS, choices=LAYOUTS)
     parser.add_argument("--methods", nargs="+", default=tuple(METHODS), choices=tuple(METHODS))
+    parser.add_argument("--one-fold", action="store_true", help="choose layouts of few samples as those of many")
     asked = parser.parse_args()
+    if asked.one_fold:
+        layouts._FEW = 0
     trials = []
     print(f"{'material':22} {'layout':7} {'rows':>5} {'options':23} {'textures':22} {'bytes':>6}"
           f" {'training':>9} {'held out':>9} {'truth':>9}")  # fmt: skip
@@ -135,6 +140,13 @@ def main() -> None:
             held, truth = (median(values) for values in ([each.row.held_out.log_mse for each in some],
                                                          [each.truth for each in some]))  # fmt: skip
             print(f"{rows:5} {method:23} {nbytes:6.0f} {figure(held):>9} {figure(truth):>9} {warned:4} of {len(some)}")
+    chosen = [each for each in trials if "bytes" in METHODS[each.method]]
+    if chosen:
+        held, truth = (geometric_mean(values) for values in ([each.row.held_out.log_mse for each in chosen],
+                                                             [each.truth for each in chosen]))  # fmt: skip
+        warned = sum(each.row.verdict.alarm.given for each in chosen)
+        print(f"\n{len(chosen)} fits by --bytes, geometric means: held out {figure(held)}, truth {figure(truth)};"
+              f" {warned} warned")  # fmt: skip
 
 
 if __name__ == "__main__":
