@@ -64,13 +64,15 @@ class Line:
 class Command:
     """What is run: words after `homofact`, `{out}` a new folder and `{fit}` the fit of an earlier command.
 
-    `older` are the words of versions whose charts were a command of their own.
+    `{scene}` is a file with the text `scene`. `older` are the words of versions whose charts were a command of
+    their own.
     """
 
     name: str
     words: tuple[str, ...]
     fits: bool = False
     older: tuple[str, ...] = ()
+    scene: str = ""
 
     def words_of(self, checkout: Path) -> tuple[str, ...]:
         """The words for the version in a folder."""
@@ -91,7 +93,7 @@ def reference() -> float:
 
 
 def commands(folder: Path, short: bool, long: bool) -> Iterator[Command]:
-    """The fixed set; of real measurements as far as they are at hand, the chart and plan of the README if `long`."""
+    """The fixed set; of real measurements as far as they are at hand, the README's chart and plans if `long`."""
     measured = str(ROOT / "data_synthetic" / "synthetic_cornell.brdf")
     size = ("--textures", "1", "--size", "4") if short else ("--textures", "2", "--size", "16")
     yield Command("info", ("info", measured))
@@ -113,6 +115,15 @@ def commands(folder: Path, short: bool, long: bool) -> Iterator[Command]:
         yield Command("chart", charted, older=("chart", paint, *grid, "--sizes", "8,16", "--out", "{out}"))
         scene = str(ROOT / "configs" / "scenes" / "example.toml")
         yield Command("plan", ("plan", scene, "--against", "sun", "--plot", "{out}.png"))
+        sources = [file, folder / "cornell" / "garnet_red.brdf"]
+        if all(source.is_file() for source in sources):
+            yield Command("plan of two measurements", ("plan", "{scene}"), scene=scene_of(sources))
+
+
+def scene_of(sources: Sequence[Path]) -> str:
+    """The text of a scene of measured materials in equal shares under an overcast sky, right to 10%."""
+    materials = "".join(f'[[material]]\nsource = "{source}"\nshare = {1 / len(sources)}\n\n' for source in sources)
+    return f'seed = 0\n\n{materials}[lighting]\nnamed = "overcast"\n\n[tolerance]\nreflected = 0.1\n'
 
 
 def version_of(checkout: Path) -> str:
@@ -140,7 +151,11 @@ def measured(
     for turn in range(repeats):
         for number, checkout in enumerate(checkouts):
             out = place / f"{command.name.replace(' ', '-')}-{number}-{turn}"
-            words = [word.format(out=out, fit=fits.get(checkout, "")) for word in command.words_of(checkout)]
+            scene = out.with_name(f"{out.name}.toml")
+            if command.scene:
+                scene.write_text(command.scene, encoding="utf-8")
+            said = {"out": out, "fit": fits.get(checkout, ""), "scene": scene}
+            words = [word.format(**said) for word in command.words_of(checkout)]
             os.environ["PYTHONPATH"] = str(checkout)
             # -P: not the package in the working folder.
             run = timed([HOMOFACT[0], "-P", *HOMOFACT[1:], *words])
@@ -212,7 +227,7 @@ def main(arguments: list[str] | None = None) -> int:
     )
     parser.add_argument("--repeats", type=int, default=3, help="runs of every command (%(default)s)")
     parser.add_argument("--csv", type=Path, default=KEPT, help="the file of lines (%(default)s)")
-    parser.add_argument("--long", action="store_true", help="the chart and the plan of the README too")
+    parser.add_argument("--long", action="store_true", help="the README's chart, and plans, too")
     parser.add_argument("--write", action="store_true", help="append the lines to the file")
     parser.add_argument("--check", action="store_true", help="end with 1 where a figure has risen by more than 20%%")
     parser.add_argument("--plot", type=Path, help="draw all lines into this file")
