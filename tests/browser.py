@@ -12,9 +12,9 @@ from scripts.shared import headless
 
 
 @contextmanager
-def browser(folder: Path, *, webgl: bool = True) -> Iterator[Any]:
+def browser(folder: Path, *, webgl: bool = True, size: tuple[int, int] = (1440, 900)) -> Iterator[Any]:
     """A selenium driver with its profile under `folder`; skips the test that asks for it where it cannot start."""
-    started = headless.chromium(folder / "profile", webgl=webgl)
+    started = headless.chromium(folder / "profile", webgl=webgl, size=size)
     try:
         driver = started.__enter__()
     except MissingDependency as error:

@@ -26,6 +26,8 @@ from homofact.scene.cameras import Camera
 from homofact.scene.meshes import MeshGroup
 
 ANGLE = 37.0
+# A window whose first picture costs a renderer in software little.
+SMALL = (640, 400)
 
 
 def colours_of(given: PageObject, light: Any, eye: Any, terms: int = 3, kept: int | None = None) -> np.ndarray:
@@ -156,7 +158,7 @@ def words(driver: Any, place: str) -> str:
 def relit_page(folder: Path, scene: RelightResult, size: tuple[int, int] = (420, 320)) -> Iterator[Any]:
     """The page of a relit scene, opened in a browser of its own and small; it must stay silent."""
     write_relit_page(folder / "scene.html", scene)
-    with browser(folder) as driver:
+    with browser(folder, size=SMALL) as driver:
         headless.open_page(driver, folder / "scene.html")
         shrink(driver, *size)
         yield driver

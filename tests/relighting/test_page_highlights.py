@@ -8,7 +8,7 @@ import pytest
 import relit_lobes
 import torch
 from browser import browser, complaints, headless
-from relit_page import change, colours_of, pixels_of
+from relit_page import SMALL, change, colours_of, pixels_of
 from relit_scene import CAMERA
 
 from homofact.relighting.errors import relative
@@ -19,7 +19,7 @@ from homofact.relighting.picture import surface_points
 from homofact.rendering.tonemap import encode_srgb
 from homofact.scene.cameras import Camera
 
-WIDTH, HEIGHT = 160, 120
+WIDTH, HEIGHT = 80, 60
 APART = (0, 1)
 
 
@@ -29,7 +29,7 @@ def opened(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
     given, folder = relit_lobes.scene(), tmp_path_factory.mktemp("highlights")
     reference = PageReference([np.ones_like(each.mesh.positions) for each in given.objects])
     write_page(folder / "page.html", given.objects, given.skies, {}, reference, camera=CAMERA)
-    with browser(folder) as driver:
+    with browser(folder, size=SMALL) as driver:
         headless.open_page(driver, folder / "page.html")
         driver.execute_script(
             "const p = document.getElementById('picture'); p.style.width = arguments[0]; p.style.height = arguments[1];"

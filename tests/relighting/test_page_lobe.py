@@ -11,7 +11,7 @@ import relit_lobes
 import torch
 from browser import browser, complaints, headless
 from relit_lobes import SIZE
-from relit_page import ANGLE, change, colours_of, eye_of, page_colours, seen_pixels, shrink, statistics
+from relit_page import ANGLE, SMALL, change, colours_of, eye_of, page_colours, seen_pixels, shrink, statistics
 from relit_scene import CAMERA, sky_picture
 from unpacked import unpack, written
 
@@ -73,7 +73,7 @@ def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def opened(file: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
-    with browser(tmp_path_factory.mktemp("chromium")) as driver:
+    with browser(tmp_path_factory.mktemp("chromium"), size=SMALL) as driver:
         headless.open_page(driver, file)
         # What is drawn at rest at each pixel has tests of its own.
         driver.execute_script("homofact.view.highlights.wanted = false; homofact.view.highlights.stop()")

@@ -63,7 +63,7 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> RelightResult:
 
 @pytest.fixture(scope="module")
 def opened(scene: RelightResult, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
-    with relit_page(tmp_path_factory.mktemp("page"), scene, (280, 210)) as driver:
+    with relit_page(tmp_path_factory.mktemp("page"), scene, (140, 105)) as driver:
         yield driver
 
 
