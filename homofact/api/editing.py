@@ -258,6 +258,7 @@ def _report(
         {
             "view": part.view, "material": part.material, "term": part.term, "pixels": part.pixels,
             "bands": list(part.bands), "rank": part.rank, "error": part.error,
+            **({"bounces": 1} if part.bounced else {}),
         }
         for part in parts
     ]  # fmt: skip
@@ -266,6 +267,7 @@ def _report(
         "light": scene.lighting.words or scene.lighting.name,
         "triangles": prepared.lights.count,
         "tolerance": file.settings.tolerance,
+        "bounces": file.settings.bounces,
         "views": [
             {"name": view, "pixels": len(seen)} for view, seen in zip(scene.view_names, prepared.pixels, strict=True)
         ],

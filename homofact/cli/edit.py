@@ -111,7 +111,7 @@ def part_table(parts: "tuple[PartError, ...]") -> Table:
     for part in parts:
         bands = " x ".join(map(str, part.bands))
         row = (f"{part.pixels}", bands, f"{part.rank}", f"{part.error:.2%}")
-        table.add_row(f"{part.view}: {part.material}: {part.term}", *row)
+        table.add_row(f"{part.view}: {part.material}: {part.words}", *row)
     return table
 
 

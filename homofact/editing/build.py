@@ -56,7 +56,7 @@ def open_edit_scene(file: EditSceneFile, stage: Stage | None = None, fits: FileF
         EditObject(thing.mesh, each.material, _patterns(thing, each.material, table, where))
         for (where, table), thing, each in zip(tables.items(), placed, edited, strict=True)
     )
-    return EditScene(objects, lighting, file.cameras, (*notes, *remarks))
+    return EditScene(objects, lighting, file.cameras, (*notes, *remarks), file.settings.bounces)
 
 
 def _patterns(

@@ -1,8 +1,10 @@
 """What a prepared scene's pictures are off: low rank, and lights and bands.
 
 Both are relative RMS over some pixels. Low rank is against all bands (`lowrank.LowRank.error`), of curves as they start
-and of trial edits (`basis.trial_edits`). Lights and bands are as the curves start, against a finer division of the
-light, the materials themselves asked at the middles of four parts of each triangle: no bands, no curves.
+and of trial edits (`basis.trial_edits`); that of light from surfaces is relative to all light of the object. Lights and
+bands are as the curves start, against a finer division of the light, the materials themselves asked at the middles of
+four parts of each triangle: no bands, no curves. Light from surfaces is then what the materials send, not taken for
+matt, under fewer lights.
 """
 
 from dataclasses import dataclass, replace
@@ -11,22 +13,29 @@ import numpy as np
 import torch
 
 from homofact.editing.basis import trial_edits
-from homofact.editing.lights import TriangleLights, triangle_lights
+from homofact.editing.interreflection import Bounce
+from homofact.editing.lights import triangle_lights
 from homofact.editing.lowrank import LowRank
-from homofact.editing.picture import factor_of, starting_curves, summed_curves
-from homofact.editing.precompute import visible_lights
+from homofact.editing.picture import Curves, add_part, part_picture, starting_curves, summed_curves
 from homofact.editing.quotient import LightPoints, lit
-from homofact.editing.scene import EditObject, PreparedScene
+from homofact.editing.reaching import BouncedLight, DirectLight, Light
+from homofact.editing.scene import EditObject, EditScene, PreparedScene, PreparedTerm
 from homofact.scene.meshes import MeshGroup
 from homofact.scene.visibility import VisiblePixels
 
 # Pixels that are asked, lights of the finer division by those of the scene, and how often each of these is divided.
 PIXELS, FINER, DIVIDED = 384, 8, 1
+# With light from surfaces: pixels, each with hundreds of surface points, and lights of these points.
+BOUNCED_PIXELS, BOUNCED_LIGHTS = 64, 400
+_PIECE = 2048
 
 
 @dataclass(frozen=True)
 class PartError:
-    """One term of one object in one view: pixels, bands, rank, and the low rank's error, the worst trial edit's."""
+    """One term of one object in one view: pixels, bands, rank, and the low rank's error, the worst trial edit's.
+
+    `bounced` says that it is light from other surfaces.
+    """
 
     view: str
     material: str
@@ -35,6 +44,12 @@ class PartError:
     bands: tuple[int, ...]
     rank: int
     error: float
+    bounced: bool = False
+
+    @property
+    def words(self) -> str:
+        """The term, and where its light is from."""
+        return f"{self.term}, from surfaces" if self.bounced else self.term
 
 
 def rank_errors(prepared: PreparedScene) -> tuple[PartError, ...]:
@@ -45,10 +60,26 @@ def rank_errors(prepared: PreparedScene) -> tuple[PartError, ...]:
             material = prepared.scene.objects[part.object].material
             start = summed_curves(part, material, curves)
             error = max(map(part.transport.error, [start, *trial_edits(start)]))
-            view = prepared.scene.view_names[part.view]
-            kept = part.transport
-            found.append(PartError(view, material.name, part.term, len(part.rows), kept.bands, kept.rank, error))
+            bounced = part.senders is not None
+            if bounced:
+                error *= _share(prepared, part, curves)
+            view, kept = prepared.scene.view_names[part.view], part.transport
+            found.append(
+                PartError(view, material.name, part.term, len(part.rows), kept.bands, kept.rank, error, bounced)
+            )
     return tuple(found)
+
+
+def _share(prepared: PreparedScene, part: PreparedTerm, curves: Curves) -> float:
+    """RMS of a part's light by that of all light of its object in its view."""
+    own = prepared.pixels[part.view].objects == part.object
+    sizes = []
+    for parts in ([part], [each for each in prepared.parts if each.view == part.view and each.object == part.object]):
+        total = torch.zeros(len(own), len(prepared.scene.channels), dtype=torch.float64)
+        for each in parts:
+            add_part(total, prepared, each, part_picture(prepared, each, curves), curves)
+        sizes.append(float(total.square().sum().sqrt()))
+    return sizes[0] / sizes[1] if sizes[1] > 0 else 0.0
 
 
 def light_error(prepared: PreparedScene) -> dict[str, float]:
@@ -58,38 +89,52 @@ def light_error(prepared: PreparedScene) -> dict[str, float]:
     meshes = MeshGroup([edited.mesh for edited in scene.objects])
     generator, found = np.random.default_rng(0), {}
     for view, seen in enumerate(prepared.pixels):
-        rows = np.sort(generator.permutation(len(seen))[:PIXELS])
+        count = BOUNCED_PIXELS if scene.bounces else PIXELS
+        rows = np.sort(generator.permutation(len(seen))[:count])
         if not len(rows):
             continue
         some = seen.some(rows)
-        exact = torch.zeros(len(rows), len(scene.channels), dtype=torch.float64)
-        for which, edited in enumerate(scene.objects):
-            own = np.flatnonzero(some.objects == which)
-            if len(own):
-                exact[own] = _asked(some.some(own), edited, finer, meshes)
-        shown = torch.zeros_like(exact)
+        exact = _asked_of_all(scene, DirectLight(some, finer, meshes))
+        if scene.bounces:
+            exact += _asked_of_all(scene, _sent(scene, some, meshes))
+        shown = torch.zeros(len(seen), len(scene.channels), dtype=torch.float64)
         for part in prepared.parts:
             if part.view == view:
-                place = np.flatnonzero(np.isin(rows, part.rows))
-                inside = np.searchsorted(part.rows, rows[place])
-                material = scene.objects[part.object].material
-                picture = part.transport.picture(summed_curves(part, material, curves))
-                shown[place] += (picture * factor_of(part, material, curves))[inside]
+                add_part(shown, prepared, part, part_picture(prepared, part, curves), curves)
         size = float(exact.square().mean().sqrt())
-        found[scene.view_names[view]] = float((shown - exact).square().mean().sqrt()) / size if size > 0 else 0.0
+        found[scene.view_names[view]] = float((shown[rows] - exact).square().mean().sqrt()) / size if size > 0 else 0.0
     return found
 
 
-def _asked(pixels: VisiblePixels, edited: EditObject, lights: TriangleLights, meshes: MeshGroup) -> torch.Tensor:
-    """R (P, C) of an object's pixels, each light asked at `DIVIDED` points."""
-    begins, numbers = visible_lights(pixels, lights, meshes)
-    owner = np.repeat(np.arange(len(pixels)), np.diff(begins))
-    points = LightPoints.of(lights, DIVIDED)
-    total = torch.zeros(len(pixels), lights.channels, dtype=torch.float64)
+def _sent(scene: EditScene, pixels: VisiblePixels, meshes: MeshGroup) -> BouncedLight:
+    """The light of pixels by way of surfaces, whose materials are asked."""
+    bounce = Bounce.of(meshes, len(scene.channels))
+    met = bounce.met(pixels)
+    lights = triangle_lights(scene.lighting, BOUNCED_LIGHTS, len(scene.channels))
+    radiance = _asked_of_all(scene, DirectLight(bounce.surfaces(met), lights, meshes))
+    return bounce.gathered(pixels, [(met, radiance.numpy())])[0]
+
+
+def _asked_of_all(scene: EditScene, light: Light) -> torch.Tensor:
+    """R (P, C) of the pixels, each of its own object."""
+    found = torch.zeros(len(light.pixels), len(scene.channels), dtype=torch.float64)
+    for which, edited in enumerate(scene.objects):
+        own = np.flatnonzero(light.pixels.objects == which)
+        for begin in range(0, len(own), _PIECE):
+            rows = own[begin : begin + _PIECE]
+            found[rows] = _asked(light.some(rows), edited)
+    return found
+
+
+def _asked(light: Light, edited: EditObject) -> torch.Tensor:
+    """R (P, C) of an object's pixels, each triangle of light asked at `DIVIDED` points."""
+    pixels, reaching = light.pixels, light.reaching()
+    points = LightPoints.of(light.lights, DIVIDED)
+    total = torch.zeros(len(pixels), light.lights.channels, dtype=torch.float64)
     for term in edited.material.terms:
         whole = replace(term, quotient=term.evaluate)
-        values = torch.from_numpy(lit(pixels, lights, points, owner, numbers, edited.material, whole))
-        part = torch.zeros_like(total).index_add_(0, torch.from_numpy(owner), values)
+        values = torch.from_numpy(lit(pixels, light.lights, points, reaching, edited.material, whole))
+        part = torch.zeros_like(total).index_add_(0, torch.from_numpy(reaching.owner), values)
         pattern = edited.patterns.get(term.name)
         total += part if pattern is None else part * torch.from_numpy(pattern(pixels.points, pixels.uv))
     return total

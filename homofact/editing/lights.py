@@ -91,6 +91,15 @@ def triangle_lights(lighting: Lighting, number: int, channels: int | None = None
     return tree.lights(np.array(radiances))
 
 
+def even_triangles(number: int, channels: int) -> TriangleLights:
+    """Return all directions in the most triangles of like size that are no more than `number`; their radiance is 1."""
+    tree = _Tree()
+    tree.leaves = [*_FACES]
+    while 4 * len(tree.leaves) <= number:
+        tree.leaves = [child for leaf in tree.leaves for child in tree.children(leaf)]
+    return tree.lights(np.ones((len(tree.leaves), channels)))
+
+
 class _Tree:
     """Triangles by their corners' numbers; corners are shared."""
 

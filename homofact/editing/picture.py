@@ -44,12 +44,20 @@ def part_picture(prepared: PreparedScene, part: PreparedTerm, curves: Curves) ->
     return part.transport.picture(summed_curves(part, material, curves)) * factor_of(part, material, curves)
 
 
+def add_part(total: Tensor, prepared: PreparedScene, part: PreparedTerm, values: Tensor, curves: Curves) -> None:
+    """Add a part's `values` (P, C) to the `total` of its view; light of senders times their albedos."""
+    if part.senders is not None:
+        albedos = torch.stack([each.at(curves) for each in prepared.albedos])
+        values = values * albedos[torch.from_numpy(part.senders)]
+    total.index_add_(0, torch.from_numpy(part.rows), values)
+
+
 def radiance(prepared: PreparedScene, view: int, curves: Curves) -> Tensor:
     """Return R (P, C), float64, of the covered pixels of a view."""
     total = torch.zeros(len(prepared.pixels[view]), len(prepared.scene.channels), dtype=torch.float64)
     for part in prepared.parts:
         if part.view == view:
-            total[part.rows] += part_picture(prepared, part, curves)
+            add_part(total, prepared, part, part_picture(prepared, part, curves), curves)
     return total
 
 

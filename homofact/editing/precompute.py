@@ -2,7 +2,8 @@
 
 Pixel by pixel: which lights are above its horizon and not blocked (one ray to each light's centre, shared by all terms
 of the object), L' = L V ρ_q cosθi Ω (`quotient`), and its share of each band (`overlap`). Pixels go in blocks,
-which may run in several threads and give the same bits however many there are. A block in full is (pixels, C, J·K);
+which may run in several threads and give the same bits however many there are. Light from other surfaces
+(`interreflection`) takes the same way, a row for each sender that a pixel sees. A block in full is (pixels, C, J·K);
 "low-rank" keeps only its coefficients, so that two curves' matrices never stand whole in memory.
 
 Low rank goes over some of the pixels twice: first for the basis, which must be known before anything is projected.
@@ -18,11 +19,13 @@ import numpy as np
 from homofact.editing.angles import ANGLES
 from homofact.editing.basis import TOLERANCE, Basis, basis_of
 from homofact.editing.block_floats import BlockFloats
-from homofact.editing.lights import TriangleLights, triangle_lights
+from homofact.editing.interreflection import SendingSurfaces
+from homofact.editing.lights import triangle_lights
 from homofact.editing.lowrank import CurveTransport, LowRank
 from homofact.editing.material import EditableTerm, Quotient
 from homofact.editing.overlap import VisibleLights, transport
 from homofact.editing.quotient import LightPoints, enough_points, lit
+from homofact.editing.reaching import DirectLight, Light
 from homofact.editing.scene import EditObject, EditScene, PreparedScene, PreparedTerm
 from homofact.editing.transport import FullTransport
 from homofact.errors import BadInput
@@ -32,6 +35,8 @@ from homofact.scene.visibility import VisiblePixels, visible_pixels
 
 FORMS = ("low-rank", "full")
 MOST_BYTES = 1 << 30
+# Light of surfaces is a fifth of a picture or less: as many times the tolerance is allowed, relative to this light.
+BOUNCED, MOST_TOLERANCE = 5, 0.5
 _BLOCK_NUMBERS, _PAIRS = 1 << 22, 1 << 18
 _BASIS_PIXELS, _PROBES, _ASKED_PIXELS = (600, 1500), 64, 24
 # What is kept of the block of these rows.
@@ -59,22 +64,38 @@ def prepare(
         raise BadInput(where="form", found=repr(form), expected=f"one of {', '.join(FORMS)}")
     lights = triangle_lights(scene.lighting, triangles, len(scene.channels))
     meshes = MeshGroup([edited.mesh for edited in scene.objects])
+    threads = threads or numba.get_num_threads()
     pixels = tuple(visible_pixels(meshes, camera) for camera in scene.cameras)
     if not any(len(each) for each in pixels):
         raise BadInput(where="views", found="no object in any of them", expected="one that sees something")
     if form == "full":
         _check_size(scene, pixels)
-    work = _Work(lights, meshes, threads or numba.get_num_threads(), sum(len(each) for each in pixels), progress)
+    surfaces = SendingSurfaces.of(scene, meshes, threads) if scene.bounces else None
+    work = _Work(threads, (1 + scene.bounces) * sum(len(each) for each in pixels), progress)
     parts: list[PreparedTerm] = []
-    for number, seen in enumerate(pixels):
-        for which, edited in enumerate(scene.objects):
+
+    def add(light: Light, view: int, rows: np.ndarray, share: float, senders: np.ndarray | None = None) -> None:
+        which = int(pixels[view].objects[rows[0]])
+        edited = scene.objects[which]
+        work.ask(light, edited, divided)
+        own = tolerance if senders is None else min(BOUNCED * tolerance, MOST_TOLERANCE)
+        made = _full(work, light, edited, share) if form == "full" else _low_rank(work, light, edited, own, share)
+        for term, found in zip(edited.material.terms, made, strict=True):
+            parts.append(PreparedTerm.of(scene, pixels[view], view, which, term.name, rows, found, senders))
+
+    for view, seen in enumerate(pixels):
+        for which in range(len(scene.objects)):
             rows = np.flatnonzero(seen.objects == which)
-            if len(rows):
-                own = seen.some(rows)
-                work.ask(own, edited, divided)
-                made = _full(work, own, edited) if form == "full" else _low_rank(work, own, edited, tolerance)
-                for term, found in zip(edited.material.terms, made, strict=True):
-                    parts.append(PreparedTerm.of(scene, seen, number, which, term.name, rows, found))
+            if not len(rows):
+                continue
+            own = seen.some(rows)
+            add(DirectLight(own, lights, meshes), view, rows, 1)
+            if surfaces is not None:
+                some, senders, light = surfaces.received(own)
+                if len(some):
+                    add(light, view, rows[some], len(rows) / len(some), senders)
+                else:
+                    work.done += len(rows)
     return PreparedScene(scene, lights, pixels, tuple(parts))
 
 
@@ -82,7 +103,7 @@ def _check_size(scene: EditScene, pixels: Sequence[VisiblePixels]) -> None:
     total = 0
     for seen in pixels:
         for which, edited in enumerate(scene.objects):
-            numbers = sum(int(np.prod(_bands(term))) for term in edited.material.terms)
+            numbers = sum(int(np.prod(_bands(term))) for term in edited.material.terms) * (1 + len(scene.senders))
             total += 4 * len(scene.channels) * numbers * int((seen.objects == which).sum())
     if total > MOST_BYTES:
         expected = f"at most {MOST_BYTES}"
@@ -100,101 +121,93 @@ def _bands(term: EditableTerm) -> tuple[int, int]:
 class _Work:
     """What all blocks share."""
 
-    lights: TriangleLights
-    meshes: MeshGroup
     threads: int
     total: int
     progress: Callable[[float], None] | None
-    done: int = 0
-    points: dict[Quotient, LightPoints] = field(default_factory=dict)
+    done: float = 0
+    points: dict[tuple[type, Quotient], LightPoints] = field(default_factory=dict)
 
-    def ask(self, pixels: VisiblePixels, edited: EditObject, divided: int | None) -> None:
+    def ask(self, light: Light, edited: EditObject, divided: int | None) -> None:
         """Choose at how many points a triangle's quotients are asked, by some of these pixels unless it is given."""
-        order = np.random.default_rng(1).permutation(len(pixels))
-        some = pixels.some(np.sort(order[:_ASKED_PIXELS]))
-        begins, numbers = visible_lights(some, self.lights, self.meshes)
+        count = len(light.pixels)
+        order = np.random.default_rng(1).permutation(count)
+        some = light.some(np.sort(order[:_ASKED_PIXELS]))
+        reaching = some.reaching()
         for term in edited.material.terms:
+            key = type(light), term.quotient
             if divided is not None:
-                self.points[term.quotient] = LightPoints.of(self.lights, divided)
-            elif term.quotient not in self.points:
-                self.points[term.quotient] = enough_points(some, self.lights, begins, numbers, edited.material, term)
+                self.points[key] = LightPoints.of(light.lights, divided)
+            elif key not in self.points:
+                least = light.least_divided
+                self.points[key] = enough_points(some.pixels, light.lights, reaching, edited.material, term, least)
 
     def fill(
-        self, tables: Sequence[np.ndarray], pixels: VisiblePixels, edited: EditObject, kept: Sequence[Kept]
+        self, tables: Sequence[np.ndarray], light: Light, edited: EditObject, kept: Sequence[Kept], share: float = 0
     ) -> None:
-        """Fill the rows of every term's table with what its function keeps of each block (B, C, J·K) and its rows."""
+        """Fill the rows of every term's table with what its function keeps of each block (B, C, J·K) and its rows.
+
+        Each row counts as the `share` of a pixel done.
+        """
+        count = len(light.pixels)
         widest = max(int(np.prod(_bands(term))) for term in edited.material.terms) * len(edited.material.channels)
-        step = max(1, min(_BLOCK_NUMBERS // widest, _PAIRS // self.lights.count))
+        step = max(1, min(_BLOCK_NUMBERS // widest, _PAIRS // light.lights.count))
 
         def one(start: int) -> tuple[np.ndarray, list[np.ndarray]]:
-            rows = np.arange(start, min(start + step, len(pixels)))
-            found = self.block(pixels.some(rows), edited)
+            rows = np.arange(start, min(start + step, count))
+            found = self.block(light.some(rows), edited)
             return rows, [keep(block, rows) for keep, block in zip(kept, found, strict=True)]
 
         with ThreadPoolExecutor(self.threads) as pool:
-            for rows, found in pool.map(one, range(0, len(pixels), step)):
+            for rows, found in pool.map(one, range(0, count, step)):
                 for table, part in zip(tables, found, strict=True):
                     table[rows] = part.reshape(len(rows), *table.shape[1:])
-                self.done += len(rows)
+                self.done += share * len(rows)
                 if self.progress is not None:
                     self.progress(min(1.0, self.done / self.total))
 
-    def block(self, pixels: VisiblePixels, edited: EditObject) -> list[np.ndarray]:
+    def block(self, light: Light, edited: EditObject) -> list[np.ndarray]:
         """Return every term's block (P, C, J·K) float64."""
-        begins, numbers = visible_lights(pixels, self.lights, self.meshes)
-        owner = np.repeat(np.arange(len(pixels)), np.diff(begins))
+        pixels, reaching = light.pixels, light.reaching()
         found, known = [], {}
         for term in edited.material.terms:
             # The terms of HD have one quotient.
             if term.quotient not in known:
-                points = self.points[term.quotient]
-                known[term.quotient] = lit(pixels, self.lights, points, owner, numbers, edited.material, term)
-            light = known[term.quotient]
+                points = self.points[type(light), term.quotient]
+                known[term.quotient] = lit(pixels, light.lights, points, reaching, edited.material, term)
+            each = known[term.quotient]
             kinds = [ANGLES.index(slot.angle) for slot in term.summed]
             bands = _bands(term)
-            block = np.zeros((len(pixels), light.shape[1], bands[0] * bands[1]))
+            block = np.zeros((len(pixels), each.shape[1], bands[0] * bands[1]))
             second = kinds[1] if len(kinds) == 2 else -1
-            transport(self.lights, pixels, (kinds[0], second), bands, VisibleLights(begins, numbers, light), block)
+            seen = VisibleLights(reaching.begins, reaching.numbers, each)
+            transport(light.lights, pixels, (kinds[0], second), bands, seen, block)
             found.append(block)
         return found
 
 
-def visible_lights(pixels: VisiblePixels, lights: TriangleLights, meshes: MeshGroup) -> tuple[np.ndarray, np.ndarray]:
-    """Return (begins (P + 1,), numbers (S,)) of the lights that each pixel sees by a ray to their centres."""
-    normals = pixels.frames[:, 2]
-    above = normals @ lights.centres.T > 0
-    pixel, light = np.nonzero(above)
-    occluder = meshes.occluder
-    origins = pixels.points + occluder.offset * normals
-    free = ~occluder.blocked(origins[pixel], lights.centres[light])
-    pixel, light = pixel[free], light[free]
-    begins = np.concatenate(([0], np.cumsum(np.bincount(pixel, minlength=len(pixels)))))
-    return begins.astype(np.int64), light
-
-
-def _full(work: _Work, pixels: VisiblePixels, edited: EditObject) -> list[CurveTransport]:
+def _full(work: _Work, light: Light, edited: EditObject, share: float) -> list[CurveTransport]:
     terms, channels = edited.material.terms, len(edited.material.channels)
-    tables = [np.empty((len(pixels), channels, *_bands(term)), np.float32) for term in terms]
-    work.fill(tables, pixels, edited, [lambda block, _: block] * len(terms))
+    tables = [np.empty((len(light.pixels), channels, *_bands(term)), np.float32) for term in terms]
+    work.fill(tables, light, edited, [lambda block, _: block] * len(terms), share)
     return [FullTransport(table, len(term.summed)) for table, term in zip(tables, terms, strict=True)]
 
 
-def _low_rank(work: _Work, pixels: VisiblePixels, edited: EditObject, tolerance: float) -> list[CurveTransport]:
-    terms, channels = edited.material.terms, len(edited.material.channels)
+def _low_rank(work: _Work, light: Light, edited: EditObject, tolerance: float, share: float) -> list[CurveTransport]:
+    terms, channels, count = edited.material.terms, len(edited.material.channels), len(light.pixels)
     generator = np.random.default_rng(0)
-    order = generator.permutation(len(pixels))
-    chosen = np.sort(order[: _basis_pixels(terms, len(pixels))])
+    order = generator.permutation(count)
+    chosen = np.sort(order[: _basis_pixels(terms, count)])
     which = np.arange(channels)[None].repeat(len(chosen), 0)
     if which.size > _BASIS_PIXELS[1]:
         which = generator.integers(0, channels, (len(chosen), 1))
-    bases = _bases(work, pixels.some(chosen), edited, which, tolerance)
-    found = [np.empty((len(pixels), channels, basis.rank), np.float32) for basis in bases]
+    bases = _bases(work, light.some(chosen), edited, which, tolerance)
+    found = [np.empty((count, channels, basis.rank), np.float32) for basis in bases]
     keep: list[Kept] = [lambda block, _, basis=basis: basis.coefficients(block) for basis in bases]
-    work.fill(found, pixels, edited, keep)
+    work.fill(found, light, edited, keep, share)
     # Probes apart from the basis's pixels where there are enough of them.
-    others = np.setdiff1d(np.arange(len(pixels)), chosen)
-    probes = np.sort(generator.permutation(others if len(others) >= _PROBES else len(pixels))[:_PROBES])
-    blocks = work.block(pixels.some(probes), edited)
+    others = np.setdiff1d(np.arange(count), chosen)
+    probes = np.sort(generator.permutation(others if len(others) >= _PROBES else count)[:_PROBES])
+    blocks = work.block(light.some(probes), edited)
     made: list[CurveTransport] = []
     for table, term, basis, block in zip(found, terms, bases, blocks, strict=True):
         full = FullTransport(block.reshape(len(probes), channels, *_bands(term)).astype(np.float32), len(term.summed))
@@ -210,16 +223,13 @@ def _basis_pixels(terms: Sequence[EditableTerm], count: int) -> int:
     return max(least, min(most, count // 4)) if any(len(term.summed) == 2 for term in terms) else least
 
 
-def _bases(work: _Work, pixels: VisiblePixels, edited: EditObject, which: np.ndarray, tolerance: float) -> list[Basis]:
+def _bases(work: _Work, light: Light, edited: EditObject, which: np.ndarray, tolerance: float) -> list[Basis]:
     """Every term's basis, of the channels `which` (S, n) of each of these pixels."""
     terms = edited.material.terms
     first = [np.empty((*which.shape, int(np.prod(_bands(term)))), np.float32) for term in terms]
-    # Counted once, as pixels of the second time over.
-    done = work.done
     work.fill(
-        first, pixels, edited, [lambda block, rows: block[np.arange(len(rows))[:, None], which[rows]]] * len(terms)
+        first, light, edited, [lambda block, rows: block[np.arange(len(rows))[:, None], which[rows]]] * len(terms)
     )
-    work.done = done
     starts = [[slot.banded(slot.start).values for slot in term.summed] for term in terms]
     with ThreadPoolExecutor(work.threads) as pool:
         rows = [table.reshape(which.size, -1) for table in first]

@@ -14,6 +14,7 @@ import torch
 
 from homofact.editing.lights import TriangleLights, triangle_solid_angles
 from homofact.editing.material import Editable, EditableTerm
+from homofact.editing.reaching import Reaching
 from homofact.errors import BadInput
 from homofact.scene.visibility import VisiblePixels
 
@@ -48,13 +49,14 @@ class LightPoints:
 
 
 def lit(
-    pixels: VisiblePixels, lights: TriangleLights, points: LightPoints, owner: np.ndarray, numbers: np.ndarray,
-    material: Editable, term: EditableTerm,
+    pixels: VisiblePixels, lights: TriangleLights, points: LightPoints, reaching: Reaching, material: Editable,
+    term: EditableTerm,
 ) -> np.ndarray:  # fmt: skip
-    """L V ρ_q cosθi Ω (S, C) of pixel `owner` (S,) under the light `numbers` (S,), which it sees.
+    """L V ρ_q cosθi Ω (S, C) of the light that reaches the pixels.
 
     Raises BadInput where the quotient is negative or not finite.
     """
+    owner, numbers = reaching.owner, reaching.numbers
     found = np.empty((len(owner), lights.channels))
     count = points.points.shape[1]
     for begin in range(0, len(owner), max(1, _PAIRS // count)):
@@ -71,27 +73,22 @@ def lit(
             what = f"the quotient is {float(values[bad][0])} somewhere"
             raise BadInput(what, where=f"{material.name}: {term.name}", expected="finite numbers >= 0")
         mean = np.einsum("pn,pnc->pc", weight, values.numpy().reshape(len(pixel), count, -1))
-        found[own] = mean * (lights.solid_angles[:, None] * lights.radiance)[light]
+        found[own] = mean * (lights.solid_angles[light, None] * reaching.radiance[own])
     return found
 
 
 def enough_points(
-    pixels: VisiblePixels,
-    lights: TriangleLights,
-    begins: np.ndarray,
-    numbers: np.ndarray,
-    material: Editable,
-    term: EditableTerm,
-) -> LightPoints:
-    """Return the points that these pixels need, pixel p under the lights numbers[begins[p] … begins[p + 1]]."""
-    owner = np.repeat(np.arange(len(pixels)), np.diff(begins))
-    before, chosen = None, LightPoints.of(lights, 0)
-    for divided in range(MOST_DIVIDED + 1):
-        if divided and lights.count * 4**divided > MOST_POINTS:
+    pixels: VisiblePixels, lights: TriangleLights, reaching: Reaching, material: Editable, term: EditableTerm,
+    least: int = 0,
+) -> LightPoints:  # fmt: skip
+    """Return the points that these pixels need for the light that reaches them, divided `least` times or more."""
+    before, chosen = None, LightPoints.of(lights, least)
+    for divided in range(least, MOST_DIVIDED + 1):
+        if divided > least and lights.count * 4**divided > MOST_POINTS:
             break
         points = LightPoints.of(lights, divided)
-        each = lit(pixels, lights, points, owner, numbers, material, term)
-        now = np.stack([np.bincount(owner, column, len(pixels)) for column in each.T], 1)
+        each = lit(pixels, lights, points, reaching, material, term)
+        now = np.stack([np.bincount(reaching.owner, column, len(pixels)) for column in each.T], 1)
         if before is not None and ((now - before) ** 2).sum() <= TOLERANCE**2 * (now**2).sum():
             break
         before, chosen = now, points

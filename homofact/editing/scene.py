@@ -2,6 +2,8 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -10,6 +12,7 @@ from torch import Tensor
 from homofact.editing.lights import TriangleLights
 from homofact.editing.lowrank import CurveTransport
 from homofact.editing.material import Editable
+from homofact.editing.sender_albedo import SenderAlbedo
 from homofact.errors import BadInput
 from homofact.meshes.mesh import Mesh
 from homofact.scene.cameras import Camera
@@ -37,9 +40,18 @@ class EditObject:
             self.material.term(name)
 
 
+class Sender(NamedTuple):
+    """Terms of an object that send light to other surfaces alike: one with a pattern, or all without."""
+
+    object: int
+    terms: tuple[str, ...]
+
+
 @dataclass(frozen=True)
 class EditScene:
     """What is edited: objects, light and the cameras of its fixed views; what was found on the way to it, line by line.
+
+    With `bounces` = 1, surfaces also receive the light that others reflect (`interreflection`).
 
     Raises BadInput for none of them, for different channels, names that are there twice, and views that are too large.
     """
@@ -48,6 +60,7 @@ class EditScene:
     lighting: Lighting
     cameras: tuple[Camera, ...]
     notes: tuple[str, ...] = ()
+    bounces: int = 0
 
     def __post_init__(self) -> None:
         """Refuse what has nothing to show, and names that are there twice."""
@@ -83,12 +96,22 @@ class EditScene:
         """Names of the C channels of all materials."""
         return self.objects[0].material.channels
 
+    @property
+    def senders(self) -> tuple[Sender, ...]:
+        """What sends light to other surfaces; none without bounces."""
+        found = []
+        for number, edited in enumerate(self.objects if self.bounces else ()):
+            plain = tuple(term.name for term in edited.material.terms if term.name not in edited.patterns)
+            found += [Sender(number, names) for names in (plain, *((name,) for name in edited.patterns)) if names]
+        return tuple(found)
+
 
 @dataclass(frozen=True)
 class PreparedTerm:
     """One term of one object in one view: `rows` (P,) of the view's pixels, its transport, and the fixed factor (P, C).
 
-    `theta_o` (P,) in radians, for curves with one number per pixel.
+    `theta_o` (P,) in radians, for curves with one number per pixel. Light of other surfaces has `senders` (P,), the
+    number of the sender of each row, and a row for each sender that a pixel sees; direct light has None.
     """
 
     view: int
@@ -98,17 +121,18 @@ class PreparedTerm:
     transport: CurveTransport
     theta_o: Tensor
     factor: Tensor | None
+    senders: np.ndarray | None = None
 
     @classmethod
     def of(
         cls, scene: "EditScene", seen: VisiblePixels, view: int, number: int, term: str, rows: np.ndarray,
-        transport: CurveTransport,
+        transport: CurveTransport, senders: np.ndarray | None = None,
     ) -> "PreparedTerm":  # fmt: skip
         """Of these rows of what a view sees, which are object `number`'s."""
         own, pattern = seen.some(rows), scene.objects[number].patterns.get(term)
         theta_o = torch.from_numpy(np.arctan2(np.hypot(own.wo[:, 0], own.wo[:, 1]), own.wo[:, 2]))
         factor = None if pattern is None else torch.from_numpy(pattern(own.points, own.uv))
-        return cls(view, number, term, rows, transport, theta_o, factor)
+        return cls(view, number, term, rows, transport, theta_o, factor, senders)
 
 
 @dataclass(frozen=True)
@@ -119,6 +143,11 @@ class PreparedScene:
     lights: TriangleLights
     pixels: tuple[VisiblePixels, ...]
     parts: tuple[PreparedTerm, ...]
+
+    @cached_property
+    def albedos(self) -> tuple[SenderAlbedo, ...]:
+        """The albedo of each sender, by curves."""
+        return tuple(SenderAlbedo(self.scene.materials[each.object], each.terms) for each in self.scene.senders)
 
     @property
     def nbytes(self) -> int:

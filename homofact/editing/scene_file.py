@@ -16,6 +16,7 @@ irradiance = [3.1]                 # on a surface that faces it: one number, or 
 [edit]                             # all optional
 triangles = 4000                   # of the light; 400 for a preview
 tolerance = 0.003                  # relative RMS that the low rank may leave
+bounces = 0                        # 1: light that reaches a surface by way of another one too
 """
 
 import os
@@ -92,10 +93,11 @@ class EditGroundTable(_Edited, GroundTable):
 
 @dataclass(frozen=True)
 class EditSettings:
-    """[edit]: how many triangles the light is divided into, and what the low rank may leave."""
+    """[edit]: how many triangles the light is divided into, what the low rank may leave, and bounces of light."""
 
     triangles: int = option(TRIANGLES, "Of the light", least=8, most=100_000)
     tolerance: float = option(TOLERANCE, "Relative RMS that the low rank may leave", above=0, most=0.5)
+    bounces: int = option(0, "Bounces of light between surfaces: none, or one", least=0, most=1)
 
 
 @dataclass(frozen=True, kw_only=True)

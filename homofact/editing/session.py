@@ -18,7 +18,7 @@ from torch import Tensor
 from homofact.editing.curves import Bands
 from homofact.editing.furnace import Albedo, albedo_of
 from homofact.editing.material import Editable, Edited
-from homofact.editing.picture import Address, factor_of, part_picture, starting_curves, summed_curves
+from homofact.editing.picture import Address, add_part, factor_of, part_picture, starting_curves, summed_curves
 from homofact.editing.scene import PreparedScene
 from homofact.editing.wavelets import TERMS, Incremental
 from homofact.errors import BadInput
@@ -124,7 +124,7 @@ class Session:
             shown = self._shown[number]
             if shown is None or any(a is not b for a, b in zip(shown[0], own, strict=True)):
                 shown = self._shown[number] = own, part_picture(prepared, part, curves)
-            total[part.rows] += shown[1]
+            add_part(total, prepared, part, shown[1], curves)
         return total
 
     def edited(self, name: str) -> Edited:
@@ -184,16 +184,18 @@ class Stroke:
         """Return R (P, C) as far as it is updated; curves over θo and what multiplies a part are exact at once."""
         session = self.session
         total = session.picture(view)
-        curves = session.curves
-        for number, increment in self.parts.items():
-            part = session.prepared.parts[number]
-            if part.view != view:
+        prepared, curves = session.prepared, session.curves
+        changed = {**curves, self.address: self.curve}
+        for number, part in enumerate(prepared.parts):
+            increment, shown = self.parts.get(number), session._shown[number]
+            if part.view != view or (increment is None and part.senders is None):
                 continue
-            material = session.prepared.scene.objects[part.object].material
-            shown = session._shown[number]
             assert shown is not None
-            now = factor_of(part, material, {**curves, self.address: self.curve})
-            total[part.rows] += increment.shown * now - shown[1]
+            now = shown[1]
+            if increment is not None:
+                now = increment.shown * factor_of(part, prepared.scene.objects[part.object].material, changed)
+            add_part(total, prepared, part, now, changed)
+            add_part(total, prepared, part, -shown[1], curves)
         return total
 
     def finish(self) -> None:

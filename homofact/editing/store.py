@@ -42,7 +42,7 @@ def digest_of(scene: EditScene, triangles: int) -> str:
             array = isinstance(value, np.ndarray)
             digest.update(np.ascontiguousarray(value).tobytes() if array else repr(value).encode())
 
-    tell(triangles)
+    tell(triangles, *([f"bounces {scene.bounces}"] if scene.bounces else ()))
     digest.update(_views_text(scene).encode())
     tell(scene.channels)
     for light in scene.lighting.lights:
@@ -96,6 +96,9 @@ def write_prepared(path: str | os.PathLike[str], prepared: PreparedScene, triang
             f"{own}probes": kept.probes.table,
         }
         parts.append({"view": part.view, "thing": part.object, "term": part.term})
+        if part.senders is not None:
+            arrays[f"{own}senders"] = part.senders
+            parts[-1]["bounces"] = 1
     header = {
         "format": FORMAT,
         "format_version": FORMAT_VERSION,
@@ -153,7 +156,11 @@ def _part(
     material, own = scene.objects[which].material, f"part_{number}_"
     term = material.term(entry.text("term", [each.name for each in material.terms]))
     rows = arrays.stored(f"{own}rows", np.int64, (None,), 0, len(pixels[view]) - 1)
-    if (np.diff(rows) <= 0).any() or (pixels[view].objects[rows] != which).any():
+    senders = None
+    if "bounces" in entry.found and entry.whole("bounces", 0, scene.bounces):
+        senders = arrays.stored(f"{own}senders", np.int64, (len(rows),), 0, len(scene.senders) - 1)
+    ordered = rows if senders is None else senders * len(pixels[view]) + rows
+    if (np.diff(ordered) <= 0).any() or (pixels[view].objects[rows] != which).any():
         raise BadInput(f"{own}rows holds other objects' pixels", where=arrays.path, expected="each of its own once")
     sizes = tuple(slot.bands for slot in term.summed)
     channels, columns = len(scene.channels), prod(sizes)
@@ -164,7 +171,7 @@ def _part(
     table = (len(probed), channels, *sizes, *((1,) * (2 - len(sizes))))
     probes = arrays.stored(f"{own}probes", np.float32, table, -_MOST, _MOST)
     kept = LowRank(coefficients, outward, scale, sizes, probed, FullTransport(probes, len(sizes)))
-    return PreparedTerm.of(scene, pixels[view], view, which, term.name, rows, kept)
+    return PreparedTerm.of(scene, pixels[view], view, which, term.name, rows, kept, senders)
 
 
 def _written(name: str, found: BlockFloats) -> dict[str, np.ndarray]:

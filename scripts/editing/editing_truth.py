@@ -26,7 +26,8 @@ from homofact.editing.curves import Bands, band_centres
 from homofact.editing.lights import triangle_lights
 from homofact.editing.material import Editable, Place
 from homofact.editing.pairs import pairs_of
-from homofact.editing.precompute import prepare, visible_lights
+from homofact.editing.precompute import prepare
+from homofact.editing.reaching import visible_lights
 from homofact.editing.scene import EditObject, EditScene
 from homofact.editing.session import Session
 from homofact.editing.to_textures import apply_edit, edits_of

@@ -16,9 +16,9 @@ from homofact.brdf.analytic import Lambert
 from homofact.editing import models
 from homofact.editing.block_floats import BlockFloats
 from homofact.editing.furnace import albedo_of
+from homofact.editing.furnace_table import furnace_table
 from homofact.editing.lowrank import LowRank
 from homofact.editing.material import Editable
-from homofact.editing.page.albedo import factors, furnace_table
 from homofact.editing.page.build import scene_numbers, write_edit_page
 from homofact.editing.page.coded import coded
 from homofact.editing.page.quotients import (
@@ -63,14 +63,12 @@ def test_a_part_without_light_is_coded_as_nothing() -> None:
 
 def table_albedo(material: Editable) -> np.ndarray:
     """(angles, C) of the tables, with the curves as they start."""
-    starts, total = material.banded_start(), 0.0
-    for term in material.terms:
-        table = furnace_table(term)
-        value = table.weights.astype(float)
-        for column, (number, _, _) in enumerate(factors(term)):
-            value = value * starts[term.name, term.slots[number].name].values.numpy()[table.bands[:, column]]
-        total = total + np.stack([np.bincount(table.degrees, each, 7) for each in value.T], 1)
-    return np.asarray(total)
+    starts = material.banded_start()
+    rows = [
+        furnace_table(term).albedo([starts[term.name, slot.name].values.numpy() for slot in term.slots])
+        for term in material.terms
+    ]
+    return np.sum(rows, 0)
 
 
 def test_the_furnace_s_table_is_the_furnace() -> None:

@@ -18,6 +18,7 @@ from homofact.editing.lights import triangle_lights
 from homofact.editing.lowrank import LowRank
 from homofact.editing.picture import image, radiance, starting_curves
 from homofact.editing.precompute import prepare
+from homofact.editing.reaching import DirectLight, visible_lights
 from homofact.editing.scene import EditObject, EditScene
 from homofact.errors import BadInput
 from homofact.meshes.shapes import sphere
@@ -31,7 +32,7 @@ from homofact.scene.visibility import visible_pixels
 def centre_sum(prepared, view: int = 0) -> torch.Tensor:
     """R (P, C) by each light's centre, the material as it is, no curves and no bands."""
     pixels, lights, scene = prepared.pixels[view], prepared.lights, prepared.scene
-    begins, numbers = precompute.visible_lights(pixels, lights, MeshGroup([thing.mesh for thing in scene.objects]))
+    begins, numbers = visible_lights(pixels, lights, MeshGroup([thing.mesh for thing in scene.objects]))
     owner = np.repeat(np.arange(len(pixels)), np.diff(begins))
     wi = torch.from_numpy(np.einsum("pij,pj->pi", pixels.frames[owner], lights.centres[numbers]))
     weight = torch.from_numpy((lights.solid_angles[:, None] * lights.radiance)[numbers]) * wi[:, 2:]
@@ -57,9 +58,10 @@ def test_curves_of_1_give_the_unedited_picture(angles: tuple[str, ...]) -> None:
     """The analytic identity: bands and angles do not matter to a curve that is 1."""
     material = models.from_reflectance(BRUSHED, angles, "metal", (64, 32))
     prepared = prepare(single(material), 100, "full", divided=0)
-    work = precompute._Work(prepared.lights, MeshGroup([prepared.scene.objects[0].mesh]), 1, 1, None)
-    work.ask(prepared.pixels[0], prepared.scene.objects[0], 0)
-    block = work.block(prepared.pixels[0], prepared.scene.objects[0])[0]
+    work = precompute._Work(1, 1, None)
+    light = DirectLight(prepared.pixels[0], prepared.lights, MeshGroup([prepared.scene.objects[0].mesh]))
+    work.ask(light, prepared.scene.objects[0], 0)
+    block = work.block(light, prepared.scene.objects[0])[0]
     expected = centre_sum(prepared)
     assert float((torch.from_numpy(block.sum(2)) - expected).abs().max() / expected.max()) < 1e-10
     # As stored, in float32.

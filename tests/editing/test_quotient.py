@@ -11,8 +11,8 @@ from homofact.brdf.analytic import CookTorrance
 from homofact.editing.curves import flat
 from homofact.editing.lights import triangle_lights, triangle_solid_angles
 from homofact.editing.material import Editable, EditableTerm, Slot
-from homofact.editing.precompute import visible_lights
 from homofact.editing.quotient import LightPoints, enough_points, lit
+from homofact.editing.reaching import DirectLight, visible_lights
 from homofact.errors import BadInput
 from homofact.meshes.shapes import sphere
 from homofact.scene.cameras import Camera
@@ -33,10 +33,9 @@ def of(function) -> Editable:
 
 def summed(material: Editable, points: LightPoints) -> np.ndarray:
     """R (P, C)."""
-    begins, numbers = visible_lights(PIXELS, LIGHTS, SOLIDS)
-    owner = np.repeat(np.arange(len(PIXELS)), np.diff(begins))
-    each = lit(PIXELS, LIGHTS, points, owner, numbers, material, material.terms[0])
-    return np.stack([np.bincount(owner, column, len(PIXELS)) for column in each.T], 1)
+    reaching = DirectLight(PIXELS, LIGHTS, SOLIDS).reaching()
+    each = lit(PIXELS, LIGHTS, points, reaching, material, material.terms[0])
+    return np.stack([np.bincount(reaching.owner, column, len(PIXELS)) for column in each.T], 1)
 
 
 @pytest.mark.parametrize("divided", [0, 1, 2])
@@ -88,11 +87,11 @@ def test_what_dips_below_the_horizon_gives_nothing_and_asks_nothing() -> None:
 
 def test_what_hardly_changes_is_asked_at_the_centres_and_what_is_sharp_at_more() -> None:
     lights = triangle_lights(named_lighting("overcast"), 1500, 3)
-    begins, numbers = visible_lights(PIXELS, lights, SOLIDS)
+    reaching = DirectLight(PIXELS, lights, SOLIDS).reaching()
 
     def chosen(function) -> int:
         material = of(function)
-        return enough_points(PIXELS, lights, begins, numbers, material, material.terms[0]).divided
+        return enough_points(PIXELS, lights, reaching, material, material.terms[0]).divided
 
     assert chosen(lambda wi, wo: torch.full((len(wi), 3), 0.5, dtype=wi.dtype)) == 0
     # Not beyond 2^14 points.

@@ -5,7 +5,7 @@
 The page holds what a picture needs: the transports at low rank (`coded`), the curves as they start in full, and which
 band of θo each pixel has. For the picture in the window's own pixels (`enlarged`) it holds the meshes, positions
 to 1/65535 of their box, the normals and distances of what the pixels see, and a small picture of the sky. Beside these
-are tables for what is shown next to the picture: the white furnace (`albedo`) and a preview on a sphere (`quotients`).
+are tables of the white furnace (`furnace_table`), and for a preview on a sphere (`quotients`).
 
 The page is `page.html` with what all pages of scenes have (`web.scene_page`), its own style and its `SCRIPTS`.
 """
@@ -23,12 +23,13 @@ from homofact.editing.angles import LETTERS
 from homofact.editing.curves import band_of
 from homofact.editing.enlarged import sky_behind
 from homofact.editing.errors import rank_errors
+from homofact.editing.furnace_table import factors, furnace_table
 from homofact.editing.lowrank import LowRank
 from homofact.editing.material import Editable, EditableTerm, Place, Slot
-from homofact.editing.page.albedo import factors, furnace_table
 from homofact.editing.page.coded import coded
 from homofact.editing.page.quotients import quotient_table
 from homofact.editing.scene import PreparedScene, PreparedTerm
+from homofact.editing.sender_albedo import mean_weights
 from homofact.errors import BadInput
 from homofact.meshes.mesh import Mesh
 from homofact.rendering.light import EnvironmentMap
@@ -71,7 +72,8 @@ def write_edit_page(
         "channels": list(prepared.scene.channels),
         "floor": basis.FLOOR,
         "file": {"format": curves_file.FORMAT, "version": curves_file.FORMAT_VERSION, "most": curves_file.MOST_CURVES},
-        "furnace": {"degrees": furnace.DEGREES, "slack": furnace.SLACK},
+        "furnace": {"degrees": furnace.DEGREES, "slack": furnace.SLACK, "mean": mean_weights().tolist()},
+        "senders": [{"thing": each.object, "terms": each.terms} for each in prepared.scene.senders],
         "materials": materials,
         "meshes": [_mesh(edited.mesh) for edited in prepared.scene.objects],
         "sky": _sky(prepared.scene.lighting),
@@ -101,7 +103,7 @@ def scene_numbers(prepared: PreparedScene) -> dict[str, dict[str, str | int | fl
         view = f"{part.view}: " if len(prepared.pixels) > 1 else ""
         rows = found.setdefault(f"{view}{part.material}", {"pixels": part.pixels})
         bands = " × ".join(map(str, part.bands))
-        rows[f"{part.term}, {bands} bands"] = f"rank {part.rank}, error {error_words(part.error)}"
+        rows[f"{part.words}, {bands} bands"] = f"rank {part.rank}, error {error_words(part.error)}"
     return found
 
 
@@ -227,4 +229,7 @@ def _part(prepared: PreparedScene, part: PreparedTerm) -> dict[str, Any]:
         "outward_steps": found.outward_steps.tolist(),
         "outgoing": {slot.name: bands_of(slot.bands) for slot in term.slots if slot.also_outgoing or not slot.in_sum},
         "pattern": pattern,
-    }
+        "received": None if part.senders is None else {
+            "rows": pack(differences(part.rows.astype(np.int32), (0,))), "senders": pack(part.senders.astype(np.uint16)),
+        },
+    }  # fmt: skip

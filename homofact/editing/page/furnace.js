@@ -6,10 +6,11 @@ class Furnace {
     Object.assign(this, { terms, degrees, slack, curves, channels });
   }
 
-  /** Σ over the terms' combinations of bands (angles × C). */
-  albedo(state) {
+  /** Σ over the combinations of bands of all terms or of those named (angles × C). */
+  albedo(state, names = null) {
     const { channels } = this, found = new Float64Array(this.degrees.length * channels);
     for (const { name, factors, degrees, bands, weights } of this.terms) {
+      if (names && !names.includes(name)) continue;
       const own = this.curves.filter((curve) => curve.term === name), count = degrees.length;
       const values = factors.map(([number]) => state[own[number].index].values);
       for (let i = 0; i < count; i++) {
@@ -39,4 +40,35 @@ async function unpackFurnace(material, number, data, curves) {
     return { name, factors: furnace.factors, degrees, bands, weights };
   }));
   return new Furnace(terms, data.furnace.degrees, data.furnace.slack, curves.filter((curve) => curve.material === number), data.channels.length);
+}
+
+/** The albedos under uniform light of what sends light to other surfaces (sender_albedo.py). */
+class Senders {
+  constructor(data, furnaces) {
+    this.channels = data.channels.length;
+    this.mean = data.furnace.mean;
+    this.list = data.senders.map(({ thing, terms }) => {
+      const furnace = furnaces[thing];
+      return { furnace, terms, curves: furnace.curves.filter((curve) => terms.includes(curve.term)), kept: [] };
+    });
+    this.curves = this.list.flatMap(({ curves }) => curves);
+  }
+
+  /** ρ (senders × C) with these curves. */
+  albedos(state) {
+    const found = new Float64Array(this.list.length * this.channels);
+    this.list.forEach((sender, number) => found.set(this.albedo(sender, state), number * this.channels));
+    return found;
+  }
+
+  /** The two that were last asked for are kept: the picture as it is, and one to compare it with. */
+  albedo(sender, state) {
+    const now = sender.curves.map((curve) => state[curve.index]);
+    const before = sender.kept.find((each) => each.now.every((curve, k) => curve === now[k]));
+    if (before) return before.mean;
+    const rows = sender.furnace.albedo(state, sender.terms), mean = new Float64Array(this.channels);
+    rows.forEach((value, i) => { mean[i % this.channels] += value * this.mean[Math.floor(i / this.channels)]; });
+    sender.kept = [{ now, mean }, ...sender.kept.slice(0, 1)];
+    return mean;
+  }
 }

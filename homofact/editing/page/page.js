@@ -266,9 +266,8 @@ class Page {
 
 async function begin() {
   const data = JSON.parse(by("data").textContent), curves = curvesOf(data);
-  const scene = await unpackMeshes(data), [views, furnaces, materials] = await Promise.all([
-    unpackScene(data, curves, ...scene), Promise.all(data.materials.map((material, number) => unpackFurnace(material, number, data, curves))), unpackPreviews(data, curves),
-  ]);
+  const scene = await unpackMeshes(data), furnaces = await Promise.all(data.materials.map((material, number) => unpackFurnace(material, number, data, curves)));
+  const [views, materials] = await Promise.all([unpackScene(data, curves, new Senders(data, furnaces), ...scene), unpackPreviews(data, curves)]);
   const page = new Page(data, curves, views, furnaces, materials, scene);
   // For programs that drive the page.
   return {

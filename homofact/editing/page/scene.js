@@ -21,7 +21,7 @@ class SceneView {
       for (const part of each.parts) part.ask(state);
       // The part that lacks most columns does not make the others wait for all of it.
       for (const part of each.parts.toSorted((a, b) => a.order.length - b.order.length)) news = part.advance(until) || news;
-      const factors = each.state === null || each.parts.some((part) => part.curves.some((curve) => each.state[curve.index] !== state[curve.index]));
+      const factors = each.state === null || each.parts.some((part) => part.watched.some((curve) => each.state[curve.index] !== state[curve.index]));
       if (!news && !factors) continue;
       each.state = state;
       this.gather(each, state);
@@ -70,11 +70,11 @@ class SceneView {
   }
 }
 
-/** All views of the page's data, with parts that know the curves of `history`. */
-async function unpackScene(data, curves, meshes, sky) {
+/** All views of the page's data, with parts that know the curves of `history`, and the senders of light. */
+async function unpackScene(data, curves, senders, meshes, sky) {
   const channels = data.channels.length;
   const parts = await Promise.all(data.parts.map(async (given) => new Part(
-    await unpackPart(given), curves.filter((curve) => curve.material === given.thing && curve.term === given.term), channels, data.floor)));
+    await unpackPart(given), curves.filter((curve) => curve.material === given.thing && curve.term === given.term), channels, data.floor, senders)));
   return Promise.all(data.views.map(async (given, number) => {
     const [numbers, objects, normals, depth] = await Promise.all(["numbers", "objects", "normals", "depth"].map((name) => unpack(given[name])));
     accumulate(numbers, 1, numbers.length);

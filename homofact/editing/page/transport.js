@@ -4,9 +4,12 @@
 const TOGETHER = 4;
 
 class Part {
-  /** `curves` are the term's in their order; `numbers` (r × P × C) int16, `outward` (r × J·K). */
-  constructor(given, curves, channels, floor) {
+  /** `curves` are the term's in their order; `numbers` (r × P × C) int16, `outward` (r × J·K).
+   *  Light of other surfaces has `received`: a row of the view and a sender's number for each of P, of these `senders`. */
+  constructor(given, curves, channels, floor, senders) {
     Object.assign(this, given);
+    this.senders = this.received && senders;
+    this.watched = this.senders ? [...curves, ...senders.curves] : curves;
     this.channels = channels;
     this.curves = curves;
     this.summed = curves.filter((curve) => curve.summed);
@@ -153,9 +156,10 @@ class Part {
     }
   }
 
-  /** The part's share of the picture (P × C) for sums of these curves: curves over θo and the pattern multiply it. */
-  addTo(picture, rows, state) {
-    const { channels, sums, pattern } = this;
+  /** The part's share of the picture (P × C) for sums of these curves: curves over θo, the pattern and senders' albedos
+   *  multiply it. `things` are the object's rows. */
+  addTo(picture, things, state) {
+    const { channels, sums, pattern, received } = this, rows = received ? received.rows : things, albedos = this.senders?.albedos(state);
     const outgoing = this.curves.filter((curve) => this.outgoing[curve.name]).map((curve) => [this.outgoing[curve.name], state[curve.index].values]);
     for (let p = 0, i = 0; p < rows.length; p++) {
       const at = rows[p] * channels;
@@ -163,6 +167,7 @@ class Part {
         let value = sums[i];
         for (let o = 0; o < outgoing.length; o++) value *= outgoing[o][1][outgoing[o][0][p] * channels + c];
         if (pattern) value *= pattern.values[i] * pattern.scale;
+        if (albedos) value *= albedos[received.senders[p] * channels + c];
         picture[at + c] += value;
       }
     }
@@ -187,6 +192,12 @@ async function unpackPart(given) {
   const outgoing = {};
   for (const [name, packed] of Object.entries(given.outgoing)) outgoing[name] = await unpack(packed);
   const pattern = given.pattern && { scale: given.pattern.scale, values: await unpack(given.pattern.values) };
+  let received = null;
+  if (given.received) {
+    const [rows, senders] = await Promise.all([unpack(given.received.rows), unpack(given.received.senders)]);
+    accumulate(rows, 1, rows.length);
+    received = { rows, senders };
+  }
   // What is read again and again is kept as floats.
-  return { ...given, rank, numbers, outward: Float32Array.from(outward), outgoing, pattern };
+  return { ...given, rank, numbers, outward: Float32Array.from(outward), outgoing, pattern, received };
 }

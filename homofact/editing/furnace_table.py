@@ -1,10 +1,11 @@
-"""The white furnace for the page: `furnace`'s sum with everything in it that no curve changes already done.
+"""The white furnace in tables: `furnace`'s sum with everything in it that no curve changes already done.
 
 Curves are constant on bands, so that all nodes in the same bands of a term's curves count as one. What is left is, for
-each angle of ωi and each such combination of bands, a weight a channel: Σ ρ_q cosθo dωo. The page multiplies by the
-curves, and has the library's albedo to rounding.
+each angle of ωi and each such combination of bands, a weight a channel: Σ ρ_q cosθo dωo. Multiplied by the curves, it
+is the furnace's albedo to rounding: for senders of light (`sender_albedo`), and on the page.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,12 +20,21 @@ from homofact.editing.material import EditableTerm
 class FurnaceTable:
     """One row for each combination: `degrees` (N,) uint8, the number in `DEGREES`; `bands` (N, F) uint8; `weights`.
 
-    The F columns are the term's factors in the order of `factors`; `weights` (N, C) float32.
+    The F columns are the term's factors in the order of `factors`, which belong to the curves of the numbers `slots`;
+    `weights` (N, C) float32.
     """
 
     degrees: np.ndarray
     bands: np.ndarray
     weights: np.ndarray
+    slots: tuple[int, ...]
+
+    def albedo(self, curves: Sequence[np.ndarray]) -> np.ndarray:
+        """Return a(θi) (angles, C) of the term's curves (J, C), in their order."""
+        value = self.weights.astype(np.float64)
+        for column, number in enumerate(self.slots):
+            value *= curves[number][self.bands[:, column]]
+        return np.stack([np.bincount(self.degrees, each, len(DEGREES)) for each in value.T], 1)
 
 
 def factors(term: EditableTerm) -> list[tuple[int, str, int]]:
@@ -52,4 +62,6 @@ def furnace_table(term: EditableTerm) -> FurnaceTable:
         rows.append(np.column_stack((np.full(len(kept), number), kept)))
         weights.append(total)
     whole = np.concatenate(rows).astype(np.uint8)
-    return FurnaceTable(whole[:, 0], np.ascontiguousarray(whole[:, 1:]), np.concatenate(weights).astype(np.float32))
+    slots = tuple(number for number, _, _ in factors(term))
+    bands = np.ascontiguousarray(whole[:, 1:])
+    return FurnaceTable(whole[:, 0], bands, np.concatenate(weights).astype(np.float32), slots)
