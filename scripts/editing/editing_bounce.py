@@ -144,7 +144,8 @@ def reduced(session: Session) -> tuple[np.ndarray, np.ndarray]:
     radiance, coverage = image(session.prepared, 0, session.picture(0))
     height, width = (side // FINER for side in coverage.shape)
     shape = height, FINER, width, FINER
-    return radiance.numpy().reshape(*shape, 3).mean((1, 3)), coverage.numpy().reshape(shape).all((1, 3))
+    covered = np.asarray(coverage.numpy().reshape(shape).min((1, 3)) > 0)
+    return radiance.numpy().reshape(*shape, 3).mean((1, 3)), covered
 
 
 def edit_time(session: Session) -> float:

@@ -229,7 +229,10 @@ def _part(prepared: PreparedScene, part: PreparedTerm) -> dict[str, Any]:
         "outward_steps": found.outward_steps.tolist(),
         "outgoing": {slot.name: bands_of(slot.bands) for slot in term.slots if slot.also_outgoing or not slot.in_sum},
         "pattern": pattern,
-        "received": None if part.senders is None else {
-            "rows": pack(differences(part.rows.astype(np.int32), (0,))), "senders": pack(part.senders.astype(np.uint16)),
-        },
-    }  # fmt: skip
+        "received": None if part.senders is None else _received(part.rows, part.senders),
+    }
+
+
+def _received(rows: np.ndarray, senders: np.ndarray) -> dict[str, Any]:
+    """The view's rows of light from surfaces, and the number of the sender of each."""
+    return {"rows": pack(differences(rows.astype(np.int32), (0,))), "senders": pack(senders.astype(np.uint16))}
