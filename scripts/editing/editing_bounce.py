@@ -1,6 +1,6 @@
 """Compare light between surfaces in edited scenes with Mitsuba's paths: an edited knot on edited matt ground.
 
-    python scripts/editing/editing_bounce.py [--materials matt,CT,AS,fit] [--pixels 64] [--samples 256] [--short]
+    python scripts/editing/editing_bounce.py [--materials matt,CT,AS] [--pixels 64] [--samples 256] [--short]
 
 The sky is the embedded one, with its sun. Materials are edited after the scene is prepared: of the knot those of
 `editing_truth`, a matt one turns from grey to red; the ground turns from grey to ochre. Pictures have four precomputed
@@ -64,7 +64,7 @@ class Edited:
 def main(arguments: list[str] | None = None) -> int:
     """Measure every material."""
     parser = parser_of(__doc__, "out")
-    parser.add_argument("--materials", default=f"{MATT},CT,AS,fit")
+    parser.add_argument("--materials", default=f"{MATT},CT,AS", help="of the knot; also fit, sharp, mirror")
     parser.add_argument("--pixels", type=int, default=64, help="along the longer side (%(default)s)")
     parser.add_argument("--samples", type=int, default=256, help="of Mitsuba, per pixel and run (%(default)s)")
     parser.add_argument("--triangles", type=int, default=4000, help="of light (%(default)s)")

@@ -40,3 +40,18 @@ def test_an_increment_is_nearer_than_as_many_wavelets(tmp_path: Path) -> None:
     assert read_png(tmp_path / "pictures" / "editing-increments.png").shape[2] >= 3
     increment, wavelets = (float(part.split("%")[0].split()[-1]) for part in text.split("off by")[1].split("itself by"))
     assert increment < wavelets
+
+
+@pytest.mark.slow
+def test_light_between_surfaces_is_held_against_paths(tmp_path: Path) -> None:
+    variant("llvm_ad_rgb", register=False)
+    arguments = ["--short", "--out", str(tmp_path / "bounce.md")]
+    assert importlib.import_module("scripts.editing.editing_bounce").main(arguments) == 0
+    lines = [line for line in (tmp_path / "bounce.md").read_text(encoding="utf-8").splitlines() if line.startswith("|")]
+    header, _, row = ([cell.strip() for cell in line.strip("|").split("|")] for line in lines)
+    columns = dict(zip(header, row, strict=True))
+    names = ("without bounce", "with bounce", "bounce of all light")
+    without, found, share = (float(columns[name].rstrip("%")) for name in names)
+    # Even a picture 16 pixels wide, noisy as it is, is nearer with the bounce.
+    assert found < without
+    assert 2 < share < 20
