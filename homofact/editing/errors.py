@@ -71,7 +71,7 @@ def rank_errors(prepared: PreparedScene) -> tuple[PartError, ...]:
 
 
 def _share(prepared: PreparedScene, part: PreparedTerm, curves: Curves) -> float:
-    """RMS of a part's light by that of all light of its object in its view."""
+    """RMS of a part's light over the RMS of all light of its object in its view."""
     own = prepared.pixels[part.view].objects == part.object
     sizes = []
     for parts in ([part], [each for each in prepared.parts if each.view == part.view and each.object == part.object]):

@@ -109,7 +109,7 @@ class Bounce:
 
 
 @dataclass(frozen=True)
-class SendingSurfaces:
+class LitSurfaces:
     """All surfaces of a scene: `light` (W, C) is E/π at the vertices of its meshes."""
 
     scene: EditScene
@@ -118,7 +118,7 @@ class SendingSurfaces:
     threads: int
 
     @classmethod
-    def of(cls, scene: EditScene, meshes: MeshGroup, threads: int) -> "SendingSurfaces":
+    def of(cls, scene: EditScene, meshes: MeshGroup, threads: int) -> "LitSurfaces":
         """Compute E at the vertices, in threads whose number changes no bit."""
         channels = len(scene.channels)
         lights = triangle_lights(scene.lighting, LIGHTS, channels)

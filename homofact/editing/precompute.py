@@ -19,7 +19,7 @@ import numpy as np
 from homofact.editing.angles import ANGLES
 from homofact.editing.basis import TOLERANCE, Basis, basis_of
 from homofact.editing.block_floats import BlockFloats
-from homofact.editing.interreflection import SendingSurfaces
+from homofact.editing.interreflection import LitSurfaces
 from homofact.editing.lights import triangle_lights
 from homofact.editing.lowrank import CurveTransport, LowRank
 from homofact.editing.material import EditableTerm, Quotient
@@ -70,7 +70,7 @@ def prepare(
         raise BadInput(where="views", found="no object in any of them", expected="one that sees something")
     if form == "full":
         _check_size(scene, pixels)
-    surfaces = SendingSurfaces.of(scene, meshes, threads) if scene.bounces else None
+    surfaces = LitSurfaces.of(scene, meshes, threads) if scene.bounces else None
     work = _Work(threads, (1 + scene.bounces) * sum(len(each) for each in pixels), progress)
     parts: list[PreparedTerm] = []
 

@@ -15,7 +15,7 @@ from homofact.brdf.analytic import Lambert
 from homofact.editing import errors, interreflection, models
 from homofact.editing.build import open_edit_scene
 from homofact.editing.curves import Bands
-from homofact.editing.interreflection import SendingSurfaces
+from homofact.editing.interreflection import LitSurfaces
 from homofact.editing.lowrank import LowRank
 from homofact.editing.picture import add_part, part_picture, radiance, starting_curves
 from homofact.editing.precompute import prepare
@@ -188,7 +188,7 @@ def test_a_receiver_responds_with_its_own_edited_curves() -> None:
     session.slide(address, sigma=0.5)
     session.set({BALL: times(session, BALL, 3.0)})
     own = np.flatnonzero(found.pixels[0].objects == 0)
-    surfaces = SendingSurfaces.of(found.scene, MeshGroup([each.mesh for each in found.scene.objects]), 1)
+    surfaces = LitSurfaces.of(found.scene, MeshGroup([each.mesh for each in found.scene.objects]), 1)
     rows, senders, light = surfaces.received(found.pixels[0].some(own))
     points, reaching = LightPoints.of(light.lights, 1), light.reaching()
     wi = np.einsum("pij,pnj->pni", light.pixels.frames[reaching.owner], points.points[reaching.numbers])
