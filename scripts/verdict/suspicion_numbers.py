@@ -8,6 +8,9 @@ with 3% of noise, and the same in random order. Every fault of `scripts.verdict.
 of its strengths, and all checks are asked as `homofact info` asks them. Named rightly: the fault's own check speaks,
 whatever else does; accused wrongly: others speak, and it does not. What is planted on a material that cannot show it
 (no highlight, no colours) counts as silent all the same.
+
+On a goniometer's coarse rings few samples lie near the light. There the shadow of the arm is planted on materials of
+the calibration's report part (`drawn_cases.py`), on which no weight of this check was set.
 """
 
 import math
@@ -28,15 +31,19 @@ from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
 from homofact.geometry.directions import from_spherical
 from homofact.linear.threads import one_thread
+from homofact.stability.fault import CasePart
 from scripts.verdict.planting import FAULTS
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from scripts.shared.harness import data_folder, finish, markdown, parser_of, progress
-from scripts.verdict.drawn_cases import NETWORKS
+from scripts.verdict.drawn_cases import NETWORKS, drawn_case
 
 LAYOUTS = ("discs", "lobe", "rings", "noisy rings", "shuffled rings")
 ODDS = (50, 200, 1000, 1e5, math.inf)
 _NOISE = 0.03
+# Steps of θi, θo and Δφ in degrees.
+COARSE = ((15, 10, 15), (15, 5, 10), (15, 5, 30), (20, 5, 5), (10, 10, 20))
+_COARSE_NOISE = 0.01
 
 
 @dataclass(frozen=True)
@@ -76,6 +83,49 @@ def measured(model: Reflectance, layout: str, count: int, seed: int) -> Samples:
         noise = torch.randn(samples.values.shape, dtype=torch.float64, generator=generator)
         return replace(samples, values=samples.values * torch.exp(_NOISE * noise))
     return samples.select(torch.randperm(len(samples), generator=generator)) if "shuffled" in layout else samples
+
+
+def on_coarse_rings(model: Reflectance, steps: tuple[int, int, int], seed: int) -> Samples:
+    """A goniometer's samples with 1% of noise: θi out to 75° and θo to 80° from the normal, Δφ to 180°."""
+    angles = (
+        torch.arange(0, most + 1, step, dtype=torch.float64).deg2rad()
+        for most, step in zip((75, 80, 180), steps, strict=True)
+    )
+    i, o, phi = (each.reshape(-1) for each in torch.meshgrid(*angles, indexing="ij"))
+    wi, wo = from_spherical(i, i * 0), from_spherical(o, phi)
+    values = model.evaluate(wi, wo).to(torch.float64)
+    noise = torch.randn(values.shape, dtype=torch.float64, generator=torch.Generator().manual_seed(seed))
+    return Samples(wi, wo, values * torch.exp(_COARSE_NOISE * noise), channels=model.channels, isotropic=True)
+
+
+def asked_on_coarse_rings(folder: Path, materials: int, seed: int) -> Iterator[Said]:
+    """What is said of materials on each of `COARSE`, clean and with the shadow of the arm."""
+    shadow = next(fault for fault in FAULTS if "shadow" in fault.found_as)
+    for number in range(materials):
+        case = drawn_case(CasePart.REPORT, number, folder, seed)
+        for steps in COARSE:
+            clean = on_coarse_rings(case.material, steps, seed + number)
+            for strength in (0.0, *shadow.strengths):
+                samples = shadow.plant(clean, strength, number) if strength else clean
+                said = tuple((each.name, each.odds) for each in suspicions(samples))
+                progress(f"{case.name}, rings of {steps}, shadow {strength:g}: {said}")
+                name = "×".join(f"{step}°" for step in steps)
+                yield Said(shadow.name if strength else "", strength, name, shadow.found_as, said)
+
+
+def coarse_table(found: list[Said]) -> str:
+    """Per grid: the clean materials that a check accuses, and how often the shadow of each strength is named."""
+    strengths = sorted({each.strength for each in found} - {0.0})
+    rows = []
+    for layout in dict.fromkeys(each.layout for each in found):
+        those = [each for each in found if each.layout == layout]
+        clean = [each for each in those if not each.fault]
+        others = Counter(name for each in clean for name, _ in each.said if name not in each.right)
+        named = [sum(each.named for each in those if each.strength == strength) for strength in strengths]
+        words = ", ".join(f"{name} {count}" for name, count in others.most_common()) or "–"
+        rows.append((layout, len(clean), sum(each.named for each in clean), words, *named))
+    planted = (f"shadow {strength:g} named" for strength in strengths)
+    return markdown(("steps of θi, θo, Δφ", "materials", "clean: shadow", "clean: others", *planted), rows)
 
 
 def asked(folder: Path, materials: int, count: int, seed: int) -> Iterator[Said]:
@@ -158,7 +208,10 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--seed", type=int, default=0, help="of the materials and of their samples (%(default)s)")
     chosen = parser.parse_args(arguments)
     materials, count = (1, 600) if chosen.short else (chosen.materials, chosen.count)
-    return finish(tables(list(asked(data_folder(chosen.data), materials, count, chosen.seed))), chosen)
+    folder = data_folder(chosen.data)
+    coarse = coarse_table(list(asked_on_coarse_rings(folder, materials, chosen.seed)))
+    found = list(asked(folder, materials, count, chosen.seed))
+    return finish(f"{tables(found)}\n\nOn a goniometer's coarse rings, with 1% of noise:\n\n{coarse}", chosen)
 
 
 if __name__ == "__main__":

@@ -9,6 +9,7 @@ import torch
 from refusals import refused
 
 from homofact.brdf.analytic import BlinnPhong, Lambert
+from homofact.brdf.analytic.ggx import GgxBrdf, GgxLobe
 from homofact.brdf.materials import MATERIALS
 from homofact.brdf.quality.suspicion import conventions
 from homofact.brdf.quality.suspicion.base import base_of
@@ -89,6 +90,29 @@ def test_the_exponent_of_a_cosine_is_measured() -> None:
             Evidence.of(replace(samples, values=samples.values * samples.wo[:, 2:] ** power))
         ) or (math.nan, 0)
         assert odd == pytest.approx(power, abs=0.03)
+
+
+def on_coarse_rings(step_i: int, step_o: int, turn: int) -> Samples:
+    """A dielectric GGX on a goniometer's coarse rings, with 1% of noise; steps in degrees."""
+    model = GgxBrdf((0.2, 0.15, 0.1), (GgxLobe((1.0, 1.0, 1.0), 0.1, 0.04),))
+    steps = ((0, 76, step_i), (0, 81, step_o), (0, 181, turn))
+    i, o, phi = (each.reshape(-1) for each in torch.meshgrid(
+        *(torch.arange(*step, dtype=torch.float64).deg2rad() for step in steps), indexing="ij"
+    ))  # fmt: skip
+    wi, wo = from_spherical(i, 0 * i), from_spherical(o, phi)
+    values = model.evaluate(wi, wo)
+    noise = torch.randn(values.shape, dtype=torch.float64, generator=torch.Generator().manual_seed(1))
+    return Samples(wi, wo, values * torch.exp(0.01 * noise), channels=model.channels, isotropic=True)
+
+
+@pytest.mark.parametrize("steps", [(15, 10, 15), (15, 5, 10), (20, 5, 5)])
+def test_a_fit_that_extrapolates_to_the_light_suspects_no_shadow(steps: tuple[int, int, int]) -> None:
+    """On coarse rings few samples determine the smooth fit near the light, but those around it still show a shadow."""
+    samples = on_coarse_rings(*steps)
+    for part in (samples, samples.subset(len(samples) * 4 // 5, 3)):
+        assert [each.line() for each in suspicions(part)] == []
+    shadow = next(fault for fault in FAULTS if fault.name == "shadow of the arm")
+    assert "shadow" in {each.name for each in suspicions(shadow.plant(samples, 0.95, 0))}
 
 
 def test_odds_are_said_in_words() -> None:

@@ -97,7 +97,7 @@ class Evidence:
         """The columns of the module's head (N, K)."""
         theta_h, theta_d = self.half_angles
         cos_i, cos_o = self.cosines
-        along = np.log(theta_h + _NARROW)
+        along = along_highlight(theta_h)
         knots = np.unique(np.quantile(along, np.linspace(0, 1, _KNOTS)))
         c, tilt = 2 * np.cos(theta_d) - 1, (cos_i - cos_o) ** 2
         polynomials = np.stack([np.ones_like(c), c, c**2, c**3, tilt, tilt * c], 1)
@@ -124,6 +124,11 @@ def logs_of(brightness: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     # Scaled first, so that squares of tiny and of huge values stay numbers.
     scaled = brightness / middle
     return np.where(lit, np.log(np.where(lit, brightness, 1.0)), 0.0), scaled**2 / (scaled**2 + DARK**2)
+
+
+def along_highlight(theta_h: np.ndarray) -> np.ndarray:
+    """Return log(θh + a small angle) (N,), in which knots resolve narrow and broad highlights alike; θh in radians."""
+    return np.log(theta_h + _NARROW)
 
 
 def hats(x: np.ndarray, knots: np.ndarray) -> np.ndarray:

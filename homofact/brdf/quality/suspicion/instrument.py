@@ -11,7 +11,7 @@ import torch
 
 from homofact.brdf.quality.gains import lacking_reciprocity
 from homofact.brdf.quality.suspicion.check import Check, Figures
-from homofact.brdf.quality.suspicion.evidence import Evidence, hats, robust_fit
+from homofact.brdf.quality.suspicion.evidence import Evidence, along_highlight, hats, robust_fit
 from homofact.brdf.quality.suspicion.geometry import odd_columns
 from homofact.brdf.symmetry import ring_numbers
 from homofact.errors import Advice
@@ -21,6 +21,7 @@ _FEWEST_ON_A_RING = 12
 _FEWEST_FOR_GAINS = 1500
 _TOLD = 0.5  # of the variance of a row's place, left when an angle is known
 _CONE, _AROUND = math.radians(6.0), math.radians(13.0)  # half of the angle between ωi and ωo is θd
+_KNOTS_AROUND = 25
 
 
 def _thetas(evidence: Evidence) -> tuple[np.ndarray, np.ndarray]:
@@ -110,19 +111,24 @@ def _ring(evidence: Evidence) -> Figures | None:
 
 
 def _shadow(evidence: Evidence) -> Figures | None:
-    """How much darker it is near the light than the fit to all around it says: in logs, and in errors of the fit."""
-    _, theta_d = evidence.half_angles
-    _, weight = evidence.logs
-    near = theta_d < _CONE
+    """How much darker it is near the light than around it: in logs, and in errors of the fit.
+
+    The milder of two predictions counts. The smooth fit to all samples outside the cone extrapolates into it, on coarse
+    rings by a factor of ten or more. The samples around the cone alone, as a function of θh, do not follow θd.
+    """
+    theta_h, theta_d = evidence.half_angles
+    logs, weight = evidence.logs
+    near, ring = theta_d < _CONE, (theta_d > _CONE) & (theta_d < _AROUND)
     lit = near & (evidence.brightness > 0)
-    if near.sum() < 8 or (theta_d < _AROUND).sum() < 30:
+    if min(near.sum(), ring.sum()) < 8 or near.sum() + ring.sum() < 30:
         return None
-    around = weight * (theta_d > _CONE)
-    fit = evidence.fitted(weight=around)
+    fit = evidence.fitted(weight=weight * (theta_d > _CONE))
+    along = along_highlight(theta_h)
+    knots = np.unique(np.quantile(along[ring], np.linspace(0, 1, _KNOTS_AROUND)))
+    around = robust_fit(hats(along, knots), logs, weight * ring, 1e-6)[1]
+    inner = np.argsort(theta_d[near], kind="stable")[: near.sum() // 2]
     # What is exactly zero there counts as far darker than anything.
-    missed = np.where(lit, fit.residual, -3.0)[near]
-    inner = theta_d[near] < np.median(theta_d[near])
-    low = float(np.median(missed[inner]))
+    low = max(float(np.median(np.where(lit, missed, -3.0)[near][inner])) for missed in (fit.residual, around))
     return -low, -low / (fit.scale + 0.02)
 
 
