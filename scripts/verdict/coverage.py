@@ -13,9 +13,10 @@ from functools import cached_property
 from pathlib import Path
 from statistics import median
 
-from homofact.evaluation.bar.error_bar import BarKind, ErrorBar
+from homofact.evaluation.bar.error_bar import BarKind, ErrorBar, ErrorBars
 from homofact.evaluation.bar.stating import stated_bars
 from homofact.evaluation.bar.table import QUANTITIES, Table
+from homofact.evaluation.energy import ALBEDO_DEGREES
 from homofact.evaluation.verdict.judge import doubt_of
 from homofact.evaluation.verdict.verdict import Alarm
 from scripts.shared.harness import markdown
@@ -49,11 +50,16 @@ class JudgedFit:
         """Whether the verdict warns."""
         return self.alarm.given
 
+    @cached_property
+    def bars(self) -> ErrorBars:
+        """The bars that are stated."""
+        return stated_bars(self.fit.figures, self.fit.odds, self.table, self.doubt)
+
     def bar(self, quantity: str, doubt: str | None = None) -> ErrorBar:
         """The bar that is stated, or that of another doubt ("" for right data)."""
-        return stated_bars(self.fit.figures, self.fit.odds, self.table, self.doubt if doubt is None else doubt).of(
-            quantity
-        )
+        if doubt is None:
+            return self.bars.of(quantity)
+        return stated_bars(self.fit.figures, self.fit.odds, self.table, doubt).of(quantity)
 
     def true(self, quantity: str) -> float:
         """The true error as a share."""
@@ -92,6 +98,8 @@ def report(fits: Sequence[SimulatedFit], constants: Table) -> list[str]:
                 "searched, can be known": [each for each in known if each.fit.searched],
             }
         ),
+        "### Coverage of the bars of single angles",
+        _angle_table({"right data": right, "all that can be known": known}),
         "### Bounds on good fits",
         _bounds_table({"right data": [each for each in right if each.fit.good], "all that can be known": good}),
         "### Silent and alarms",
@@ -142,6 +150,22 @@ def _coverage_table(groups: dict[str, Fits]) -> str:
         widened = sum(each.bar("albedo").kind is BarKind.FAULT for each in fits)
         lines.append((*cells, widened, withdrawn))
     return markdown(("fits", "number", *QUANTITIES, "widened", "withdrawn"), lines)
+
+
+def _angle_table(groups: dict[str, Fits]) -> str:
+    """Per incidence angle: how often the error of the albedo there is within its bar, and the median bar."""
+    lines = []
+    for k, degrees in enumerate(ALBEDO_DEGREES):
+        cells: list[object] = [f"{degrees:g}°"]
+        for fits in groups.values():
+            found = [(each, bar) for each in fits for bar in each.bars.by_angle if bar.degrees[0] == degrees]
+            stated = [(each, bar.error) for each, bar in found if bar.error is not None]
+            true = [math.expm1(min(each.fit.error("albedo", k), 20.0)) for each, _ in stated]
+            hits = [(each.fit.record["number"], off <= error) for (each, error), off in zip(stated, true, strict=True)]
+            cells += [len(hits), _rate(hits), _median([error for _, error in stated])]
+        lines.append(tuple(cells))
+    head = [f"{name}{column}" for name in groups for column in (": bars", ", covered", ", median bar")]
+    return markdown(("θ", *head), lines)
 
 
 def _bounds_table(groups: dict[str, Fits]) -> str:

@@ -93,6 +93,14 @@ def test_a_worse_fit_has_wider_bars_and_a_higher_score() -> None:
     assert not worse.trusted
 
 
+@pytest.mark.parametrize("scale", [1.0, 1.05, 1.2])
+def test_the_worst_angle_is_no_surer_than_each(scale: float) -> None:
+    found = verdict(Altered(lambda values, wi, wo: scale * values), train=MANY).bars
+    worst = found.of("albedo").error
+    assert worst is not None
+    assert all(bar.error is not None and bar.error <= worst for bar in found.by_angle)
+
+
 def test_bars_end_where_the_measurement_ends() -> None:
     near = MANY.select((MANY.wi[:, 2] > 0.5) & (MANY.wo[:, 2] > 0.5))
     found = verdict(train=near).bars

@@ -41,24 +41,20 @@ def measured_bars(seen: Appearance) -> ErrorBars:
 def stated_bars(figures: "Figures", odds: Mapping[str, float], constants: Table, doubt: str) -> ErrorBars:
     """Return the bars of a fit to samples: of right samples or, where there is a `doubt` in words, of faulty ones.
 
-    `odds` are those of the suspicions.
+    `odds` are those of the suspicions. No angle has a wider bar than the worst one: both are estimated, by models of
+    their own, and a bound of the worst angle bounds each.
     """
     kind = BarKind.FAULT if doubt else BarKind.RIGHT
     models = "fault" if doubt else "right"
     degrees = stated_range(figures)
-    bars = tuple(
-        ErrorBar.stated(
-            name, kind, _bound(constants.bars[models][name], features_of(figures, odds, name), name), RATE, degrees,
-            doubt,
-        )
-        for name in QUANTITIES
-    )  # fmt: skip
+    bounds = {name: _bound(constants.bars[models][name], features_of(figures, odds, name), name) for name in QUANTITIES}
+    bars = tuple(ErrorBar.stated(name, kind, bounds[name], RATE, degrees, doubt) for name in QUANTITIES)
     inside = angles_in_range(figures.coverage.lowest, figures.coverage.highest)
     by_angle = []
     for k in inside:
         bound = _bound(constants.angles[models][k], features_of(figures, odds, "albedo", k), "albedo")
         at = ALBEDO_DEGREES[k]
-        by_angle.append(ErrorBar.stated("albedo", kind, bound, RATE, (at, at), doubt))
+        by_angle.append(ErrorBar.stated("albedo", kind, min(bound, bounds["albedo"]), RATE, (at, at), doubt))
     return ErrorBars(bars, tuple(by_angle))
 
 
