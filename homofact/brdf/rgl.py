@@ -142,13 +142,19 @@ class AdaptiveTable:
         Raises what `sample_model` raises.
         """
         samples = sample_model(self, count, scheme, seed, noise_free=False)
-        below = self.signed(samples.wi, samples.wo) < 0
-        faults = dict(self.facts.get("faults", {}))
-        faults["negative_values"] = int(below.sum())
-        faults["samples_with_negative_values"] = int(below.any(1).sum())
-        faults["exact_zeros"] = int((samples.values == 0).sum()) - faults["negative_values"]
+        faults = dict(self.facts.get("faults", {})) | self.faults_at(samples.wi, samples.wo)
         samples.provenance.update(self.facts | {"faults": faults})
         return samples
+
+    def faults_at(self, wi: Tensor, wo: Tensor) -> dict[str, int]:
+        """Count the values at pairs (N, 3) that are negative, which `evaluate` returns as 0, and those that are 0."""
+        values = self.signed(wi, wo)
+        below = values < 0
+        return {
+            "negative_values": int(below.sum()),
+            "samples_with_negative_values": int(below.any(1).sum()),
+            "exact_zeros": int((values == 0).sum()),
+        }
 
     @cached_property
     def _warp(self) -> MarginalConditional:

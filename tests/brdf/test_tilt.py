@@ -230,6 +230,19 @@ def test_a_source_that_was_opened_as_measured_stays_so_unless_a_tilt_is_asked_fo
     assert isinstance(source_of(source, calibrate=["tilt"]).reflectance, Straightened)
 
 
+def test_zeros_are_counted_where_the_straightened_samples_read_the_table() -> None:
+    table = tilted(paint(0.05), 0.3)
+    dark = table.table.clone()
+    dark[..., 0] -= dark[..., 0].median()
+    table = replace(table, table=dark)
+    drawn = table.sample(500)
+    source = replace(open_source("material:phong-30", count=50), samples=drawn, reflectance=table)
+    straight = source_of(source, calibrate=["tilt"]).samples
+    faults = straight.provenance["faults"]
+    assert faults["negative_values"] + faults["exact_zeros"] == int((straight.values == 0).sum())
+    assert faults["negative_values"] != drawn.provenance["faults"]["negative_values"]
+
+
 @pytest.mark.parametrize("calibrate", [["tilt"], ["tilt", "rings"]])
 def test_a_tilt_of_what_shows_none_is_refused(calibrate: list[str]) -> None:
     with refused(where="calibrate"):

@@ -51,6 +51,10 @@ def straightened(
     provenance = samples.provenance | {"tilt": found.record()}
     if found.tilt is None:
         return reflectance, replace(samples, provenance=provenance)
+    if isinstance(reflectance, AdaptiveTable):
+        # What was counted are values of other pairs: those that the tilted sample reported.
+        faults = reflectance.faults_at(*found.tilt.measured(samples.wi, samples.wo))
+        provenance["faults"] = provenance.get("faults", {}) | faults
     reflectance = Straightened(reflectance, found.tilt)
     values = reflectance.evaluate(samples.wi, samples.wo)
     return reflectance, replace(samples, values=values, provenance=provenance)
