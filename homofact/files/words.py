@@ -41,9 +41,12 @@ def on_one_line(text: str) -> str:
 
 
 def in_markdown(text: str) -> str:
-    """The text as Markdown that shows it: on one line, nothing in it a tag, a link, a table's bar or emphasis."""
+    """The text as Markdown that shows it: on one line, nothing in it a tag, a link, a table's bar or emphasis.
+
+    An underscore between letters or digits begins no emphasis and stays.
+    """
     line = on_one_line(text)
-    return re.sub(r"[\\`*_\[\]<>|]", lambda found: f"&#{ord(found[0])};", line.replace("&", "&amp;"))
+    return re.sub(r"[\\`*\[\]<>|]|(?<![^\W_])_|_(?![^\W_])", lambda found: f"&#{ord(found[0])};", line.replace("&", "&amp;"))
 
 
 def _escaped(character: str) -> str:

@@ -18,7 +18,7 @@ def test_what_can_be_seen_stays_and_the_rest_shows_its_number() -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_no_forbidden_character_is_left(name: str) -> None:
     assert not set(harmless(name)) & set(FORBIDDEN + "\n\r")
-    assert not set(in_markdown(name)) & set(FORBIDDEN + "\n|<>[]*`_\\")
+    assert not set(in_markdown(name)) & set(FORBIDDEN + "\n|<>[]*`\\")
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -27,4 +27,5 @@ def test_in_a_json_text_the_escapes_are_the_characters(name: str) -> None:
 
 
 def test_markdown_shows_what_it_was_given() -> None:
-    assert in_markdown("&lt;b&gt; a_b |c|\n d") == "&amp;lt;b&amp;gt; a&#95;b &#124;c&#124; d"
+    assert in_markdown("&lt;b&gt; a_b |c|\n d") == "&amp;lt;b&amp;gt; a_b &#124;c&#124; d"
+    assert in_markdown("_a_ __b__ c_") == "&#95;a&#95; &#95;&#95;b&#95;&#95; c&#95;"

@@ -14,20 +14,23 @@ import numpy as np
 from homofact.exporting.engine_light import ClosureLight, closure_light
 from homofact.exporting.engines.base import Added, Engine, check_colour, template
 from homofact.exporting.exported import Exported
+from homofact.files.words import in_markdown
 from homofact.rendering.closures import Closures
 from homofact.shading.encoding import as_floats
 from homofact.shading.node_graph import node_graph
 from homofact.shading.program import name_of, program_of
 from homofact.version import __version__
 
-NAME = "brdf_blender.py"
+NAME, README = "brdf_blender.py", "README.md"
 _LINE = 100
 
 
 def _files(made: Exported) -> Added:
     check_colour(made, "blender")
     light = closure_light(made.stored)
-    return Added({NAME: script(made, light)}, light=light)
+    called = in_markdown(name_of(made.stored.provenance))
+    words = template("blender.md", NAME=called, OFF=light.off(), VERSION=__version__)
+    return Added({NAME: script(made, light), README: words}, light=light)
 
 
 def script(made: Exported, light: ClosureLight) -> str:
