@@ -24,6 +24,11 @@ _SPECIAL = {
     "\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}",
     **{letter: f"\\{letter}" for letter in "&%$#_{}"}, **{letter: f"${letter}$" for letter in "<>|"},
 }  # fmt: skip
+# Methods as papers write them; others keep their names.
+_METHODS = {
+    "search": "Search", "cole": "Cole", "mccool": "McCool", "svd": "SVD", "nmf": "NMF", "ggx": "GGX",
+    "gaussians": "Gaussians", "npf": "NPF", "nbrdf": "NBRDF",
+}  # fmt: skip
 # Units as LaTeX sets them.
 _LATEX = {"sr⁻²": r"$\mathrm{sr}^{-2}$", "sr⁻¹": r"$\mathrm{sr}^{-1}$", "sr⁻¹ᐟ³": r"$\mathrm{sr}^{-1/3}$", "dB": "dB"}
 _COLUMNS = (
@@ -148,8 +153,14 @@ def latex_of(fits: Sequence[MeasuredFit]) -> str:
 
 
 def _line(row: MeanRow) -> str:
-    cells = [escaped(row.method), str(row.nbytes), str(row.fits), *map(_cell, row.spreads.values())]
+    cells = [escaped(_method(row.method)), str(row.nbytes), str(row.fits), *map(_cell, row.spreads.values())]
     return " & ".join(cells) + r" \\"
+
+
+def _method(label: str) -> str:
+    """A label with its method as papers write it: "GGX:2" for "ggx:2"."""
+    name, colon, listed = label.partition(":")
+    return _METHODS.get(name, name) + colon + listed
 
 
 def escaped(text: str) -> str:

@@ -14,6 +14,7 @@ from pylatexenc.latexwalker import LatexEnvironmentNode, LatexWalker
 from homofact.errors import BadInput
 from homofact.evaluation.means import MeasuredFit, csv_of, escaped, latex_of, mean_rows, rounded
 from homofact.evaluation.metric_table import METRICS
+from homofact.methods.table import ALL_METHODS
 from homofact.evaluation.seeds import asked_seeds
 
 HOSTILE = r"50%_of #1 & {a}\input{x} $x$ ~^ <b>|\"quoted\""
@@ -106,13 +107,22 @@ def test_the_latex_is_what_a_parser_of_latex_reads() -> None:
     head, small, large, mccool, hostile = cells(latex)
     assert head[:4] == ["Method", "Bytes", "Fits", "Log MSE"]
     assert [cell.replace(" ", "") for cell in head[4:]] == ["MAE(sr^-1)", "PSNR(dB)"]
-    assert small == ["search", "3072", "1", "0.700", "0.500", "30.0"]
-    assert [cell.replace(" ", "") for cell in large] == ["search", "6144", "3", "0.20±0.10", "0.500±0", "30.0±0"]
+    assert small == ["Search", "3072", "1", "0.700", "0.500", "30.0"]
+    assert [cell.replace(" ", "") for cell in large] == ["Search", "6144", "3", "0.20±0.10", "0.500±0", "30.0±0"]
     assert [cell.strip() for cell in mccool[3:]] == ["–", "0.500 ± 0", "∞"]
     assert hostile[0].replace("ˆ", "^").replace(" ", "") == HOSTILE.replace(" ", "")
     assert hostile[3].replace(" ", "") == "1.50×10^-5"
     assert r"\begin{tabular}{lrrrrr}" in latex
     assert latex.splitlines()[0].endswith("2 sources and 2 seeds (0, 1), on held-out samples.")
+
+
+@pytest.mark.parametrize("name", ALL_METHODS)
+def test_latex_writes_each_method_as_papers_do(name: str) -> None:
+    (_, row) = cells(latex_of([fit("paint", name, 0, 4, 1.0)]))
+    assert row[0].lower() == name
+    assert row[0] != name
+    (_, row) = cells(latex_of([fit("paint", f"{name}:wi+h", 0, 4, 1.0)]))
+    assert row[0].lower() == f"{name}:wi+h"
 
 
 def test_a_name_cannot_leave_its_comment_or_its_cell() -> None:
