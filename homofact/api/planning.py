@@ -241,7 +241,7 @@ def _is_relighting(scene: Path) -> bool:
 def _verdicts(found: "ScenePlan") -> "dict[str, Verdict | None]":
     """The verdicts on the choices, where there is one, by material and choice."""
     return {
-        f"{material.name}, {material.walk.choice.label}": material.verdict
+        f"{material.name}, {material.walk.choice.words}": material.verdict
         for material in found.distinct
         if material.walk.choice
     }

@@ -15,7 +15,7 @@ from homofact.containers.format_names import FORMAT_NAMES
 from homofact.errors import BadInput
 from homofact.evaluation.wording import counted
 
-HTML = "html"
+HTML, README = "html", "README.md"
 
 
 def export(
@@ -116,8 +116,22 @@ def export(
             *(look["said"] for look in looks.values() if look["said"]),
             *([] if found.likeness is None else [Text(found.likeness.phrase)]),
             f"{to}: {', '.join(found.files)}",
+            "",
+            _next_line(to, engine, found.files),
         )
     screen.answer(found.record())
+
+
+def _next_line(folder: Path, engine: str | None, files: Sequence[str]) -> str:
+    """What to do with the folder."""
+    if engine is None:
+        return (
+            "Call homofact_evaluate(wi, wo) of brdf.glsl, .hlsl, .wgsl or .c; manifest.json tells a loader how to read"
+            " the textures. For files that an engine loads: --engine three, gltf, materialx, godot, blender or pbrt"
+        )
+    if README in files:
+        return f"Load it: {folder / README} explains how"
+    return f"Render it: pbrt {folder / 'scene.pbrt'}"
 
 
 def _warnings(found: ExportResult) -> list[str]:

@@ -10,7 +10,7 @@ from rich.text import Text
 from homofact.cli import options as o
 from homofact.cli.layout import hanging
 from homofact.cli.plan_relight import choice_table as transport_table
-from homofact.cli.plan_tables import choice_table, evidence_table, fetches_in_words, in_words, step_table
+from homofact.cli.plan_tables import choice_table, evidence_table, fetches_in_words, step_table
 from homofact.cli.screen import Screen
 from homofact.cli.verdicts import brief_lines, names_of, noted, strictness
 from homofact.planning.settings import PlanSettings
@@ -149,9 +149,11 @@ def _lines(found: "ScenePlan", other: "ScenePlan | None") -> list[str]:
                 f"{each.name} at {each.material.pixels} pixels: its highlight covers"
                 f" {each.highlight_pixels:.2g} pixels."
             )
-    for each in found.distinct:
-        if each.opinion is not None:
-            lines.append(f"{each.name}: people are expected to grade the choice {each.opinion.words}.")
+    graded = [(each.name, each.opinion) for each in found.distinct if each.opinion is not None]
+    if graded:
+        grades = ", ".join(f"{name} {each.score:.1f} ({each.low:.1f} to {each.high:.1f})" for name, each in graded)
+        best = f"{graded[0][1].best:.1f}"
+        lines.append(f"Grades that people are expected to give, 1 to 5, identical pictures {best}: {grades}.")
     if "cole" in found.scene.tolerance.kinds and not found.scene.tolerance.of_light:
         lines.append(
             "The Cole error weighs all pairs of directions equally, so the lighting does not change this plan."
@@ -168,7 +170,7 @@ def _lines(found: "ScenePlan", other: "ScenePlan | None") -> list[str]:
         lines.append("One size for all: no single representation was found that meets the tolerance everywhere.")
     else:
         lines.append(
-            f"One size for all: {in_words(one.candidate)} for every material takes {one.bytes} bytes and"
+            f"One size for all: {one.candidate.words} for every material takes {one.bytes} bytes and"
             f" {fetches_in_words(one.fetches)} per pixel. The plan takes {found.bytes} bytes"
             f" ({_less(found.bytes, one.bytes)}) and {fetches_in_words(found.fetches)}."
         )

@@ -10,7 +10,6 @@ from homofact.evaluation.wording import counted, figure
 from homofact.planning.tolerance import WORDS
 
 if TYPE_CHECKING:
-    from homofact.planning.ladder import Candidate
     from homofact.planning.plan import MaterialPlan, ScenePlan
 
 
@@ -31,7 +30,7 @@ def choice_table(found: "ScenePlan") -> Table:
         used = Text(f"{outcome.error:.0%}", "bold" if each.walk.met else "bold red")
         under = f" under {outcome.lighting}" if several and outcome.lighting else ""
         worst = f"{WORDS[outcome.kind].removeprefix('error of ')} {figure(outcome.value)}{under}"
-        table.add_row(name_of(each), in_words(choice), str(outcome.bytes), str(outcome.fetches), worst, used)
+        table.add_row(name_of(each), choice.words, str(outcome.bytes), str(outcome.fetches), worst, used)
     return table
 
 
@@ -68,7 +67,7 @@ def step_table(found: "ScenePlan") -> Table | None:
             if one is None:
                 continue
             error = f"{one.error:.0%}" if one.measured else f"about {one.error:.0%}"
-            table.add_row(name, step, in_words(one.candidate), str(one.bytes), error)
+            table.add_row(name, step, one.candidate.words, str(one.bytes), error)
             name = Text("")
     return table if table.row_count else None
 
@@ -102,12 +101,3 @@ def name_of(each: "MaterialPlan") -> Text:
     """Return the material's name, with the width of its object where the scene gives one."""
     pixels = each.material.pixels
     return Text(each.name if pixels is None else f"{each.name}, {pixels} pixels")
-
-
-def in_words(candidate: "Candidate") -> str:
-    """Return a representation for someone who ships it: "2 textures of 16², 8 bits (search)"."""
-    if candidate.is_colour:
-        return "one colour"
-    bits = "8 bits" if candidate.texel_bytes == 1 else "floats"
-    unit = "term" if candidate.method == "svd" else "texture"
-    return f"{counted(candidate.textures, unit)} of {candidate.size}², {bits} ({candidate.method})"

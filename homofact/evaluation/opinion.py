@@ -52,11 +52,6 @@ class Opinion:
     high: float
     best: float
 
-    @property
-    def words(self) -> str:
-        """In words: "4.3 of 5 (3.9 to 4.6; identical pictures: 4.4)"."""
-        return f"{self.score:.1f} of 5 ({self.low:.1f} to {self.high:.1f}; identical pictures: {self.best:.1f})"
-
     def record(self) -> dict[str, float]:
         """Return the JSON form."""
         return {

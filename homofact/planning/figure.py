@@ -21,11 +21,11 @@ from homofact.figures.log_axis import log_x, log_y
 from homofact.figures.point_labels import PointLabel, label_points
 from homofact.figures.words import in_figure
 from homofact.files.atomic import replace_file
-from homofact.planning.ladder import WHOLE, Candidate
+from homofact.planning.ladder import ONE_COLOUR, WHOLE, Candidate
 from homofact.planning.plan import MaterialPlan, ScenePlan
 from homofact.planning.tolerance import MARGINS, UNLIT, WORDS
 
-_MARKERS = {"constant": "o", "lambert-9": "D", "mccool": "s", "search": "h", "svd": "^"}
+_MARKERS = {ONE_COLOUR: "o", "mccool": "s", "search": "h", "svd": "^"}
 # Okabe and Ito's, which colour-blind eyes can tell apart.
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#666666")
 _LIMIT = "#b03030"
@@ -104,8 +104,9 @@ def _asked(axes: Axes, distinct: tuple[MaterialPlan, ...]) -> None:
         for spot in spots:
             hollow = spot.shown.storage == WHOLE
             face = "white" if hollow else colour
-            axes.plot(*spot.place, _MARKERS[spot.shown.method], color=colour, ms=6, mfc=face, zorder=3)
-            drawn[spot.shown.method, hollow] = None
+            kind = ONE_COLOUR if spot.shown.is_colour else spot.shown.method
+            axes.plot(*spot.place, _MARKERS[kind], color=colour, ms=6, mfc=face, zorder=3)
+            drawn[kind, hollow] = None
             if spot.chosen:
                 axes.plot(*spot.place, "o", ms=14, mfc="none", mec=colour, mew=1.8, zorder=4)
             errors.append(spot.place[1])
@@ -122,7 +123,7 @@ def _asked(axes: Axes, distinct: tuple[MaterialPlan, ...]) -> None:
 
 
 def _key(drawn: Iterable[tuple[str, bool]]) -> list[Line2D]:
-    """An entry for each marker that is drawn (method, whether hollow), as it is drawn, the ring and the line."""
+    """An entry for each marker that is drawn (kind, whether hollow), as it is drawn, the ring and the line."""
     grey = "#444444"
     return [
         *(
@@ -145,7 +146,7 @@ def _name_points(figure: Figure, axes: Axes, distinct: tuple[MaterialPlan, ...])
         spots = _spots(plan)
         paths.append(sorted(spot.place for spot in spots))
         named += [
-            PointLabel(", ".join(map(_short, spot.candidates)), spot.place, _COLOURS[k % len(_COLOURS)], spot.chosen)
+            PointLabel(", ".join(dict.fromkeys(map(_short, spot.candidates))), spot.place, _COLOURS[k % len(_COLOURS)], spot.chosen)
             for spot in spots
             if few or spot.chosen
         ]
@@ -170,7 +171,7 @@ def _used(axes: Axes, distinct: tuple[MaterialPlan, ...], bars: list[list[tuple[
         outcome, choice = plan.outcome, plan.walk.choice
         words = "nothing in the budget"
         if choice is not None and outcome is not None:
-            words = f"{choice.label}, {outcome.bytes} bytes"
+            words = f"{choice.words}, {outcome.bytes} bytes"
         share = "" if plan.material.pixels is None else f", {plan.material.pixels} pixels"
         name = plan.name if len(plan.name) <= _MOST_LETTERS else plan.name[: _MOST_LETTERS - 1] + "…"
         behind = {"facecolor": "white", "edgecolor": "none", "alpha": 0.9, "pad": 1}
@@ -197,5 +198,5 @@ def _used(axes: Axes, distinct: tuple[MaterialPlan, ...], bars: list[list[tuple[
 
 def _short(candidate: Candidate) -> str:
     if candidate.is_colour:
-        return candidate.method
+        return ONE_COLOUR
     return f"{candidate.textures}×{candidate.size}²" + (" 8 bit" if candidate.storage == WHOLE else "")

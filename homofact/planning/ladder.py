@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 
 from homofact.brdf.source import Source
 from homofact.brdf.source_names import HELD_OUT
+from homofact.evaluation.wording import counted
 from homofact.methods.fitting import MethodFit, ProgressCallback
 from homofact.methods.mccool import McCool
 from homofact.methods.method import Method
@@ -19,6 +20,7 @@ from homofact.methods.svd import Svd
 from homofact.planning.settings import PlanSettings
 
 CONSTANT, LAMBERT = "constant", "lambert-9"
+ONE_COLOUR = "one colour"
 COLOURS = (CONSTANT, LAMBERT)
 FLOATS, WHOLE = "float32", "png8"
 STORAGES = (WHOLE, FLOATS)
@@ -47,9 +49,18 @@ class Candidate:
 
     @property
     def label(self) -> str:
-        """As in tables: "search 2 × 16²", "search 2 × 16², 8 bits"."""
+        """As in records: "search 2 × 16²", "search 2 × 16², 8 bits"."""
         bits = ", 8 bits" if self.storage == WHOLE else ""
         return self.method if self.is_colour else f"{self.method} {self.textures} × {self.size}²{bits}"
+
+    @property
+    def words(self) -> str:
+        """For someone who ships it: "one colour", "2 textures of 16², 8 bits (search)"."""
+        if self.is_colour:
+            return ONE_COLOUR
+        bits = "8 bits" if self.storage == WHOLE else "floats"
+        unit = "term" if self.method == "svd" else "texture"
+        return f"{counted(self.textures, unit)} of {self.size}², {bits} ({self.method})"
 
     @property
     def fit(self) -> "Candidate":

@@ -167,7 +167,7 @@ class ScenePlan:
                 kept = f" with the margin of {margin:.0%} for other views" if margin > 0 else ""
                 lines.append(
                     f"{plan.name}: {outcome.kind} {limit:g} cannot be met{where}{within}; the best reachable is"
-                    f" {outcome.value:.3g} by {choice.label}, missing it by {plan.missed_by:.0%}{kept}"
+                    f" {outcome.value:.3g} by {choice.words}, missing it by {plan.missed_by:.0%}{kept}"
                 )
         return tuple(lines)
 

@@ -84,10 +84,9 @@ def test_every_entry_of_a_plan_s_key_is_drawn_as_it_stands_there() -> None:
     _asked(axes, (paint,))
     key = axes.get_legend()
     assert key is not None
-    assert [text.get_text() for text in key.get_texts()] == ["constant", "search, 8 bits", "chosen", "tolerance"]
+    assert [text.get_text() for text in key.get_texts()] == ["one colour", "search, 8 bits", "chosen", "tolerance"]
     drawn = {(str(line.get_marker()), to_hex(line.get_markerfacecolor()) == "#ffffff") for line in axes.lines}
     assert {("o", False), ("h", True)} <= drawn
-    assert "D" not in {marker for marker, _ in drawn}
 
 
 def test_what_lies_on_one_spot_is_one_spot_with_the_choice_first() -> None:
@@ -106,7 +105,7 @@ def test_a_plan_that_asked_once_has_no_panel_of_one_point(tmp_path: Path, monkey
     plot_plan(tmp_path / "two.png", plan(material("clay", BYTES, a=(COLOUR, 12, 2.0), b=(BYTES, 48, 0.9))))
     assert [len(figure.axes) for figure in saved] == [1, 2]
     words = [text.get_text() for text in saved[1].axes[0].texts]
-    assert {"constant", "1×4² 8 bit"} <= set(words)
+    assert {"one colour", "1×4² 8 bit"} <= set(words)
 
 
 def test_labels_stay_off_each_other_and_off_the_points() -> None:
