@@ -21,6 +21,7 @@ from homofact.brdf.source import open_source
 from homofact.evaluation.energy import energy_errors
 from homofact.evaluation.machine import machine
 from homofact.evaluation.metrics import measure
+from homofact.figures.log_axis import log_x, log_y
 from homofact.linear.normal import warm_up
 from homofact.methods.effort import LEVELS
 from homofact.methods.table import made
@@ -41,6 +42,12 @@ WAYS: dict[str, tuple[str, dict[str, Any], str, str]] = {
     "npf": ("npf", {}, "#cc79a7", "X"),
     "nbrdf": ("nbrdf", {}, "#56b4e9", "*"),
 }
+
+# What the key of the picture calls a way whose name is a method's label, or has its own bytes.
+LABELS = {
+    "search, 3.2 KiB": "search, normal, bytes of NPF", "cole": "Cole", "mccool": "McCool", "ggx:2": "two GGX lobes",
+    "npf": "NPF", "nbrdf": "NBRDF",
+}  # fmt: skip
 
 
 def fitted(path: str, way: str) -> dict[str, float]:
@@ -72,12 +79,14 @@ def draw(found: Mapping[str, Mapping[str, Mapping[str, float]]], path: Path) -> 
             figures = [by_way[way] for by_way in found.values()]
             times, errors = [each["seconds"] for each in figures], [each[kind] for each in figures]
             axes.plot(times, errors, shape, color=colour, markersize=4, alpha=0.35, linestyle="none")
-            label = f"{way}, {median(each['bytes'] for each in figures) / 1024:.1f} KiB"
+            label = f"{LABELS.get(way, way)}, {median(each['bytes'] for each in figures) / 1024:.1f} KiB"
             axes.plot(
                 [median(times)], [median(errors)], shape, color=colour, markersize=11, markeredgecolor="black",
                 linestyle="none", label=label,
             )  # fmt: skip
-        axes.set(xscale="log", yscale="log", xlabel="processor time of the fit [s]", ylabel=words)
+        axes.set(xlabel="processor time of the fit [s]", ylabel=words)
+        log_x(axes, *_ends(found, "seconds"))
+        log_y(axes, *_ends(found, kind))
         axes.spines[["top", "right"]].set_visible(False)
         axes.grid(True, which="major", alpha=0.25)
     drawn.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=9, frameon=False)
@@ -85,6 +94,12 @@ def draw(found: Mapping[str, Mapping[str, Mapping[str, float]]], path: Path) -> 
     path.parent.mkdir(parents=True, exist_ok=True)
     drawn.savefig(path, dpi=130)
     pyplot.close(drawn)
+
+
+def _ends(found: Mapping[str, Mapping[str, Mapping[str, float]]], key: str) -> tuple[float, float]:
+    """The ends of an axis a little beyond all numbers."""
+    numbers = [each[key] for by_way in found.values() for each in by_way.values()]
+    return min(numbers) / 1.4, max(numbers) * 1.4
 
 
 def main(arguments: list[str] | None = None) -> int:
