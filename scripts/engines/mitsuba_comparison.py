@@ -240,7 +240,7 @@ def compare(chosen: Any) -> int:
         row = fit_and_measure(open_source(str(file)), settings)
         place = chosen.out / "factorization.npz"
         row.factorization.save(place)
-        words = [f"log MSE {figure(row.held_out.log_mse)} on held-out samples, {row.seconds_fit:.1f} s of fit"]
+        words = [f"log MSE {figure(row.held_out.log_mse)} on held-out samples, fitted in {row.seconds_fit:.1f} s"]
         verdict = [f"- {line.lstrip(' -')}" for line in verdict_lines(row.verdict)]
     fit = open_fit(place)
     measured = measured_bsdf(file)
@@ -258,7 +258,7 @@ def compare(chosen: Any) -> int:
     noises = [relative_rms(each.noise, source.radiance, covered) for each in renderings]
     bias = float(ours.radiance[covered].sum() / source.radiance[covered].sum() - 1)
     lines = [
-        f"Mitsuba's measured on the RGL file, {file.stat().st_size // 1024} KiB\n{cost(source, noises[0])}",
+        f"Mitsuba's plugin measured, {file.stat().st_size // 1024} KiB of RGL\n{cost(source, noises[0])}",
         "\n".join([described(fit), cost(ours, noises[1]), *words]),
         f"(fit − source)/(source + {FLOOR:.0%} of white), luminance\n"
         f"relative RMS {error:.1%} on the sphere, mean {bias:+.1%}".replace("-", "−"),

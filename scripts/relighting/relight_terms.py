@@ -26,6 +26,7 @@ import torch
 
 from homofact.brdf.reflectance import Reflectance
 from homofact.evaluation.machine import machine
+from homofact.figures.log_axis import log_x, log_y
 from homofact.linear.threads import one_thread
 from homofact.meshes.mesh import read_mesh
 from homofact.meshes.occlusion import Occluder
@@ -223,8 +224,11 @@ def draw(
     for rule in RULES:
         points = sorted((sum(each["share"]) * a_term, scene_error(errors, powers, each[rule])) for each in found)
         axes.plot(*zip(*points, strict=True), styles[rule], label=words[rule], markersize=4)
-    axes.set(xscale="log", yscale="log", xlabel="MB of the scene", ylabel="relative RMS error of its light")
-    axes.grid(True, which="both", alpha=0.25)
+    axes.set(xlabel="MB of the scene", ylabel="relative RMS error of its light")
+    sizes, wrong = zip(*(point for line in axes.lines for point in zip(*line.get_data(), strict=True)), strict=True)
+    log_x(axes, min(sizes) / 1.1, max(sizes) * 1.1, fewest=4)
+    log_y(axes, min(wrong) / 1.1, max(wrong) * 1.1, fewest=4)
+    axes.grid(True, alpha=0.25)
     axes.legend()
     path.parent.mkdir(parents=True, exist_ok=True)
     drawing.savefig(path, dpi=110)
