@@ -7,6 +7,7 @@ import pytest
 
 pytest.importorskip("pybtex", reason="the site's tools are not installed: pip install 'homofact[docs]'")
 
+from sphinx.search.en import SearchEnglish
 from typer.main import get_command
 
 from homofact.cli.main import app
@@ -198,3 +199,25 @@ def test_every_function_is_described_once() -> None:
 def test_no_page_has_the_name_of_one_that_the_builder_makes() -> None:
     """The builder's own would be written over it."""
     assert not {"search", "genindex", "py-modindex"} & {*PAGES}
+
+
+def searched(text: str) -> set[str]:
+    """The words of a text as the site's search index has them: stemmed, without those too common to search for."""
+    language = SearchEnglish({})
+    return {language.stem(word.lower()) for word in language.split(text) if language.word_filter(word.lower())}
+
+
+@pytest.mark.parametrize(
+    ("query", "page", "heading"),
+    [
+        ("normal map", "export", "Normal maps"),
+        ("three.js", "interchange", "three.js"),
+        ("reciprocity", "concepts/reciprocity", "Reciprocity"),
+        ("GGX", "sampling", "Noise compared with a cosine, GGX and Mitsuba"),
+    ],
+)
+def test_the_search_finds_what_people_look_for(query: str, page: str, heading: str) -> None:
+    """A page whose heading has all words of the query, which the search ranks above pages that only use them."""
+    headings = re.findall(r"^#+ (.*)$", PAGES[page], re.MULTILINE)
+    assert searched(query)
+    assert heading in [each for each in headings if searched(query) <= searched(each)]
