@@ -22,6 +22,7 @@ _FEWEST_FOR_GAINS = 1500
 _TOLD = 0.5  # of the variance of a row's place, left when an angle is known
 _CONE, _AROUND = math.radians(6.0), math.radians(13.0)  # half of the angle between ωi and ωo is θd
 _KNOTS_AROUND = 25
+_SAME = 1e-6
 
 
 def _thetas(evidence: Evidence) -> tuple[np.ndarray, np.ndarray]:
@@ -126,9 +127,13 @@ def _shadow(evidence: Evidence) -> Figures | None:
     along = along_highlight(theta_h)
     knots = np.unique(np.quantile(along[ring], np.linspace(0, 1, _KNOTS_AROUND)))
     around = robust_fit(hats(along, knots), logs, weight * ring, 1e-6)[1]
-    inner = np.argsort(theta_d[near], kind="stable")[: near.sum() // 2]
+    # At the middle of a highlight, as at θi = 0, those around know nothing of its height.
+    known = near & (along >= knots[0] - _SAME) & (along <= knots[-1] + _SAME)
+    if known.sum() < 4:
+        return None
+    inner = np.argsort(theta_d[known], kind="stable")[: known.sum() // 2]
     # What is exactly zero there counts as far darker than anything.
-    low = max(float(np.median(np.where(lit, missed, -3.0)[near][inner])) for missed in (fit.residual, around))
+    low = max(float(np.median(np.where(lit, missed, -3.0)[known][inner])) for missed in (fit.residual, around))
     return -low, -low / (fit.scale + 0.02)
 
 
