@@ -107,8 +107,8 @@ def export(
         screen.show(
             stored_table(found.errors, found.part),
             Text(
-                f"One evaluation: {counted(cost.fetches, 'fetch')}, {cost.total} operations on vectors and scalars"
-                f" ({cost.scalar} on scalars), {cost.nbytes} bytes of texels."
+                f"One evaluation: {counted(cost.fetches, 'fetch')}, {cost.total} operations ({cost.scalar} if each"
+                f" component of a vector counts), {cost.nbytes} bytes of texels."
             ),
             Text(_noise_line(found.noise)),
             *(Text(part.sentence()) for part in (found.prefiltered, found.light) if part is not None),

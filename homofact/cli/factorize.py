@@ -99,5 +99,5 @@ def _next_lines(found: "FactorizeResult") -> list[str]:
     """What to do with a fit that the verdict does not warn of."""
     return [
         f"View it in a browser: homofact view {found.folder}",
-        f"Export it to an engine: homofact export {found.folder} --to FOLDER",
+        f"Export it to an engine: homofact export {found.folder} --to FOLDER --engine three",
     ]

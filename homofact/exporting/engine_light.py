@@ -114,7 +114,10 @@ class EngineLight(UnderSkies):
     def sentence(self) -> str:
         """What the screen says."""
         reads, size = self.table.lobes + 1, self.texels.nbytes
-        return f"Environments: {reads} reads of the engine's own filtered sky by a table of {size} bytes. {self.off()}"
+        return (
+            f"Environments: a table of {size} bytes makes the reflection from {reads} reads of the engine's own filtered"
+            f" sky. {self.off()}"
+        )
 
 
 @dataclass(frozen=True)
@@ -135,7 +138,7 @@ class ClosureLight(UnderSkies):
     def sentence(self) -> str:
         """What the screen says."""
         count, size = self.closures.weights.shape[2], self.closures.nbytes
-        return f"Environments: a sum of {count} closures by tables of {size} bytes. {self.off()}"
+        return f"World and other objects: a sum of {count} closures with tables of {size} bytes. {self.off()}"
 
 
 def engine_light(reflectance: Reflectance, kernels: ChainKernels) -> EngineLight:
