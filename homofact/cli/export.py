@@ -103,23 +103,28 @@ def export(
     for warning in _warnings(found):
         screen.note(f"homofact: {warning}")
     if not quiet:
-        cost, looks = found.cost, found.looks or {}
-        screen.show(
-            stored_table(found.errors, found.part),
-            Text(
-                f"One evaluation: {counted(cost.fetches, 'fetch')}, {cost.total} operations ({cost.scalar} if each"
-                f" component of a vector counts), {cost.nbytes} bytes of texels."
-            ),
-            Text(_noise_line(found.noise)),
-            *(Text(part.sentence()) for part in (found.prefiltered, found.light) if part is not None),
-            *appearance_tables(looks),
-            *(look["said"] for look in looks.values() if look["said"]),
-            *([] if found.likeness is None else [Text(found.likeness.phrase)]),
-            f"{to}: {', '.join(found.files)}",
-            "",
-            _next_line(to, engine, found.files),
-        )
+        _show(found, to, engine, screen)
     screen.answer(found.record())
+
+
+def _show(found: ExportResult, folder: Path, engine: str | None, screen: Screen) -> None:
+    """What storing cost, what an evaluation takes, how the engine's material looks, and what to do next."""
+    cost, looks = found.cost, found.looks or {}
+    screen.show(
+        stored_table(found.errors, found.part),
+        Text(
+            f"One evaluation: {counted(cost.fetches, 'fetch')}, {cost.total} operations ({cost.scalar} if each"
+            f" component of a vector counts), {cost.nbytes} bytes of texels."
+        ),
+        Text(_noise_line(found.noise)),
+        *(Text(part.sentence()) for part in (found.prefiltered, found.light) if part is not None),
+        *appearance_tables(looks),
+        *(look["said"] for look in looks.values() if look["said"]),
+        *([] if found.likeness is None else [Text(found.likeness.phrase)]),
+        f"{folder}: {', '.join(found.files)}",
+        "",
+        _next_line(folder, engine, found.files),
+    )
 
 
 def _next_line(folder: Path, engine: str | None, files: Sequence[str]) -> str:

@@ -115,8 +115,8 @@ class EngineLight(UnderSkies):
         """What the screen says."""
         reads, size = self.table.lobes + 1, self.texels.nbytes
         return (
-            f"Environments: a table of {size} bytes makes the reflection from {reads} reads of the engine's own filtered"
-            f" sky. {self.off()}"
+            f"Environments: a table of {size} bytes makes the reflection from {reads} reads of the engine's own"
+            f" filtered sky. {self.off()}"
         )
 
 

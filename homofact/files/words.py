@@ -46,7 +46,9 @@ def in_markdown(text: str) -> str:
     An underscore between letters or digits begins no emphasis and stays.
     """
     line = on_one_line(text)
-    return re.sub(r"[\\`*\[\]<>|]|(?<![^\W_])_|_(?![^\W_])", lambda found: f"&#{ord(found[0])};", line.replace("&", "&amp;"))
+    return re.sub(
+        r"[\\`*\[\]<>|]|(?<![^\W_])_|_(?![^\W_])", lambda found: f"&#{ord(found[0])};", line.replace("&", "&amp;")
+    )
 
 
 def _escaped(character: str) -> str:

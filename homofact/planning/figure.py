@@ -146,7 +146,12 @@ def _name_points(figure: Figure, axes: Axes, distinct: tuple[MaterialPlan, ...])
         spots = _spots(plan)
         paths.append(sorted(spot.place for spot in spots))
         named += [
-            PointLabel(", ".join(dict.fromkeys(map(_short, spot.candidates))), spot.place, _COLOURS[k % len(_COLOURS)], spot.chosen)
+            PointLabel(
+                ", ".join(dict.fromkeys(map(_short, spot.candidates))),
+                spot.place,
+                _COLOURS[k % len(_COLOURS)],
+                spot.chosen,
+            )
             for spot in spots
             if few or spot.chosen
         ]

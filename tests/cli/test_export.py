@@ -35,6 +35,21 @@ def result(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
+def test_an_export_ends_with_what_to_do_next(result: Path, tmp_path: Path, monkeypatch, capsys) -> None:
+    monkeypatch.setattr(blender, "closure_light", closures_like)
+    monkeypatch.setenv("COLUMNS", "200")
+    last = []
+    for engine in ([], ["--engine", "blender"], ["--engine", "pbrt"]):
+        to = tmp_path / f"to{len(last)}"
+        assert main(["export", str(result), "--to", str(to), *engine]) == 0
+        last.append(capsys.readouterr().out.rstrip().splitlines()[-1].strip())
+    assert last[0].startswith("Call homofact_evaluate(wi, wo)")
+    assert last[1] == f"Load it: {tmp_path / 'to1' / 'README.md'} explains how"
+    assert (tmp_path / "to1" / "README.md").is_file()
+    assert last[2] == f"Render it: pbrt {tmp_path / 'to2' / 'scene.pbrt'}"
+    assert (tmp_path / "to2" / "scene.pbrt").is_file()
+
+
 def errors(text: str) -> dict:
     return json.loads(text)["errors"]
 

@@ -14,8 +14,8 @@ from pylatexenc.latexwalker import LatexEnvironmentNode, LatexWalker
 from homofact.errors import BadInput
 from homofact.evaluation.means import MeasuredFit, csv_of, escaped, latex_of, mean_rows, rounded
 from homofact.evaluation.metric_table import METRICS
-from homofact.methods.table import ALL_METHODS
 from homofact.evaluation.seeds import asked_seeds
+from homofact.methods.table import ALL_METHODS
 
 HOSTILE = r"50%_of #1 & {a}\input{x} $x$ ~^ <b>|\"quoted\""
 

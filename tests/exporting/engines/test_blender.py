@@ -22,7 +22,7 @@ from skies import lamps
 from homofact.containers.formats import format_named
 from homofact.errors import BadInput
 from homofact.exporting.engines import blender
-from homofact.exporting.engines.blender import BLENDER, NAME, script, tables_of
+from homofact.exporting.engines.blender import BLENDER, NAME, README, script, tables_of
 from homofact.exporting.exported import Exported, exported
 from homofact.factor.factorization import Factorization
 from homofact.factor.projection import fixed_projection
@@ -63,6 +63,9 @@ def test_the_script_holds_the_stored_fit(fit: Factorization, form: str, tmp_path
     made = engine_folder(tmp_path / "fit", fit, "blender", form)
     text = (tmp_path / "fit" / NAME).read_text(encoding="utf-8")
     compile(text, NAME, "exec")
+    words = (tmp_path / "fit" / README).read_text(encoding="utf-8")
+    assert words.startswith("# samples for Blender\n")
+    assert closures_like(fit).off() in words
     found = constants(text)
     textures = decoded(found["TEXTURES"])
     for texels, stored in zip(textures, made.stored.textures, strict=True):
