@@ -4,6 +4,7 @@ Buffers beside a .gltf are read as every file is, images only where parts are as
 the square of how deep nodes lie in one another and more, and a mesh is copied for every node that names it.
 """
 
+import json
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -20,6 +21,7 @@ from homofact.files.reading import parsed_json, read_bytes, short_json
 from homofact.meshes.parsed import Parsed
 
 _WHOLE = "a whole glTF"
+_TANGENT = "_TANGENT"  # trimesh hands on what begins with an underscore
 _MOST_NODES, _DEEPEST, _MOST_CORNERS = 10_000, 64, 30_000_000
 
 
@@ -54,8 +56,10 @@ def gltf_header(path: Path, data: bytes) -> dict[str, Any]:
 
 def _loaded(path: Path, data: bytes, materials: bool) -> list[tuple[Parsed, str, Any]]:
     trimesh = extras.library("trimesh", f"{path}: glTF")
-    _check(path, gltf_header(path, data), len(data))
+    header = gltf_header(path, data)
+    _check(path, header, len(data))
     kind = "glb" if data[:4] == b"glTF" else "gltf"
+    data = _for_parts(header, data) if materials else data
     try:
         scene = trimesh.load_scene(
             BytesIO(data), file_type=kind, resolver=_Beside(path), process=False, skip_materials=not materials
@@ -70,10 +74,38 @@ def _loaded(path: Path, data: bytes, materials: bool) -> list[tuple[Parsed, str,
     parts = [each for each in found if isinstance(each, trimesh.Trimesh) and len(each.faces)]
     if not parts:
         raise BadInput("no triangles in it", where=path, expected="a mesh")
-    return [(_parsed(path, each), str(each.metadata.get("name", "")), each.visual) for each in parts]
+    return [(_parsed(path, each, scene), str(each.metadata.get("name", "")), each.visual) for each in parts]
 
 
-def _parsed(path: Path, part: Any) -> Parsed:
+def _for_parts(header: dict[str, Any], data: bytes) -> bytes:
+    """The file as trimesh reads all of it: tangents under a name of homofact, materials named by their numbers."""
+    for number, material in enumerate(_dicts(header, "materials")):
+        material["name"] = str(number)
+    for mesh in _dicts(header, "meshes"):
+        for primitive in _dicts(mesh, "primitives"):
+            attributes = primitive.get("attributes")
+            if isinstance(attributes, dict) and "TANGENT" in attributes:
+                attributes[_TANGENT] = attributes.pop("TANGENT")
+    text = json.dumps(header).encode()
+    if data[:4] != b"glTF":
+        return text
+    text += b" " * (-len(text) % 4)
+    rest = data[20 + struct.unpack("<I", data[12:16])[0] :]
+    total = 20 + len(text) + len(rest)
+    return data[:8] + struct.pack("<II4s", total, len(text), b"JSON") + text + rest
+
+
+def _tangents(part: Any, scene: Any, count: int) -> np.ndarray | None:
+    """The tangents (V, 4) that a part has in the file, in the scene's frame."""
+    given = np.asarray(part.vertex_attributes.get(_TANGENT, ()), np.float64)
+    if given.shape != (count, 4):
+        return None
+    place = scene.graph[part.metadata["node"]][0][:3, :3]
+    # A mirrored place turns the handedness over.
+    return np.concatenate((given[:, :3] @ place.T, given[:, 3:] * np.sign(np.linalg.det(place))), 1)
+
+
+def _parsed(path: Path, part: Any, scene: Any) -> Parsed:
     points, faces = np.asarray(part.vertices), np.asarray(part.faces)
     if points.ndim != 2 or points.shape[1] != 3 or faces.shape[1:] != (3,):
         raise BadInput(f"points of shape {points.shape}", where=path, expected="three coordinates a point")
@@ -90,6 +122,7 @@ def _parsed(path: Path, part: Any) -> Parsed:
         None if normals is None else np.asarray(normals, np.float64),
         np.asarray(faces, np.int64),
         uv,
+        _tangents(part, scene, len(points)),
     )
 
 

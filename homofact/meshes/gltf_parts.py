@@ -1,10 +1,10 @@
 """A glTF scene as its parts: one mesh for each primitive, with its material and texture coordinates.
 
-Of the metallic-roughness material come the factors and two textures: the base colour as a picture, and metallic and
-roughness by the means of theirs. What else a material has, such as normal maps, emission and extensions, is named in
-`left_out`.
+Of the metallic-roughness material come the factors, the base colour and the normals as pictures, and metallic and
+roughness by the means of theirs. What else a material has, such as emission and extensions, is named in `left_out`.
 """
 
+import math
 import os
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
@@ -19,11 +19,11 @@ from homofact.files import extras
 from homofact.files.reading import read_bytes, split_member
 from homofact.meshes.gltf import gltf_header, parse_parts
 from homofact.meshes.mesh import Mesh, mesh_of
+from homofact.meshes.tangent_space import with_tangents
 
 ENDINGS = (".gltf", ".glb")
 MOST_PARTS, _LARGEST_SIDE = 256, 1024
 _LEFT_OUT = {
-    "normalTexture": "its normal map",
     "emissiveTexture": "its emission",
     "emissiveFactor": "its emission",
     "occlusionTexture": "its occlusion map",
@@ -35,13 +35,16 @@ _LEFT_OUT = {
 class GltfMaterial:
     """The factors, `base_colour` of three numbers in linear light; `picture` (H, W, 3) multiplies it, row 0 at v = 0.
 
-    The picture's values, 0 to 1, are encoded by sRGB's curve, as in its file. `left_out` names what is not used.
+    The picture's values, 0 to 1, are encoded by sRGB's curve, as in its file. `normals` (H, W, 3) float32 are the unit
+    normals of a normal map in tangent space, with its scale; None where all are (0, 0, 1). `left_out` names what is not
+    used.
     """
 
     base_colour: tuple[float, float, float] = (1.0, 1.0, 1.0)
     metallic: float = 1.0
     roughness: float = 1.0
     picture: np.ndarray | None = field(default=None, compare=False)
+    normals: np.ndarray | None = field(default=None, compare=False)
     left_out: tuple[str, ...] = ()
 
 
@@ -114,6 +117,8 @@ def _parts(path: str, _state: tuple[int, int] | None) -> tuple[GltfPart, ...]:
         mesh = mesh_of(own, target, fitted=False)
         mesh = replace(mesh, positions=(mesh.positions - middle) / radius, name=chosen)
         material = _material(f"{target}: {chosen}", visual, mesh, written)
+        bumpy = material is not None and material.normals is not None
+        mesh = with_tangents(mesh) if bumpy else replace(mesh, tangents=None)
         found.append(GltfPart(chosen, mesh, material))
     return tuple(found)
 
@@ -128,10 +133,10 @@ def _check_pictures(path: Path, header: dict[str, Any]) -> None:
 
 
 def _written(header: dict[str, Any]) -> dict[str, dict[str, Any]]:
-    """The materials by name as the file has them."""
+    """The materials as the file has them, by their numbers, which are their names in what `parse_parts` returns."""
     materials = header.get("materials")
-    found = [each for each in materials if isinstance(each, dict)] if isinstance(materials, list) else []
-    return {str(each["name"]): each for each in found if "name" in each}
+    found = materials if isinstance(materials, list) else []
+    return {str(number): each for number, each in enumerate(found) if isinstance(each, dict)}
 
 
 def _material(where: str, visual: Any, mesh: Mesh, written: dict[str, dict[str, Any]]) -> GltfMaterial | None:
@@ -154,10 +159,37 @@ def _material(where: str, visual: Any, mesh: Mesh, written: dict[str, dict[str, 
     if given.metallicRoughnessTexture is not None:
         means = _pixels(given.metallicRoughnessTexture, where).mean((0, 1))
         roughness, metallic = roughness * float(means[1]), metallic * float(means[2])
+    normals, remarks = _normals(given, own, mesh, where)
     left = [words for key, words in _LEFT_OUT.items() if _is_there(getattr(given, key, None))]
+    left += remarks
     extensions = own.get("extensions")
     left += sorted(extensions) if isinstance(extensions, dict) else []
-    return GltfMaterial((red, green, blue), metallic, roughness, picture, tuple(dict.fromkeys(left)))
+    return GltfMaterial((red, green, blue), metallic, roughness, picture, normals, tuple(dict.fromkeys(left)))
+
+
+def _normals(given: Any, own: dict[str, Any], mesh: Mesh, where: str) -> tuple[np.ndarray | None, list[str]]:
+    """(the normals of a normal map (H, W, 3), None where there is none or it is flat; what of it is left out)."""
+    written = own.get("normalTexture")
+    if given.normalTexture is None:
+        if isinstance(written, dict):
+            raise BadInput("a normal map that cannot be read", where=where, expected="a PNG or JPEG")
+        return None, []
+    if mesh.uv is None:
+        raise BadInput("a normal map on a mesh without texture coordinates", where=where, expected="TEXCOORD_0")
+    info = written if isinstance(written, dict) else {}
+    scale, place = info.get("scale", 1.0), info.get("texCoord", 0)
+    if isinstance(scale, bool) or not isinstance(scale, int | float) or not math.isfinite(scale):
+        raise BadInput(f"a normal map of scale {scale!r}", where=where, expected="a finite number")
+    if place != 0:
+        return None, [f"its normal map, on TEXCOORD_{place}"]
+    # Bytes of 128 are 0, so that the usual flat map is flat.
+    x, y, z = ((255 * _pixels(given.normalTexture, where) - 128) / 127).clip(-1, 1).transpose(2, 0, 1)
+    normals = np.stack((x * scale, y * scale, z.clip(0)), -1)
+    length = np.linalg.norm(normals, axis=-1, keepdims=True)
+    normals = np.where(length > 1e-6, normals / length.clip(1e-6), (0.0, 0.0, 1.0)).astype(np.float32)
+    extensions = info.get("extensions")
+    left = [f"{name} of its normal map" for name in extensions] if isinstance(extensions, dict) else []
+    return (normals if normals[..., :2].any() else None), left
 
 
 def _factors(values: np.ndarray) -> list[float]:

@@ -31,7 +31,7 @@ class Mesh:
     """`positions` (V, 3) and unit `normals` (V, 3) float64, `triangles` (T, 3) int64 into them; `name` for captions.
 
     `remarks` list the repairs made when it was read. `uv` (V, 2) are texture coordinates, v downwards, where it has
-    any.
+    any. `tangents` (V, 4) are unit tangents with the sign of the binormal, where a normal map needs them.
     """
 
     positions: np.ndarray
@@ -40,6 +40,7 @@ class Mesh:
     name: str
     remarks: tuple[str, ...] = ()
     uv: np.ndarray | None = None
+    tangents: np.ndarray | None = None
 
 
 def read_mesh(path: str | os.PathLike[str], fitted: bool = True) -> Mesh:
@@ -61,7 +62,7 @@ def read_mesh(path: str | os.PathLike[str], fitted: bool = True) -> Mesh:
 
 def mesh_of(parsed: Parsed, target: Path, fitted: bool = True) -> Mesh:
     """Return the mesh of what was parsed from a file. Raises BadInput as `read_mesh`."""
-    positions, normals, triangles, uv = parsed
+    positions, normals, triangles, uv, tangents = parsed
     if not len(triangles):
         raise BadInput("no triangles in it", where=target, expected="a mesh")
     for what, values in (("position", positions), ("normal", normals)):
@@ -99,7 +100,7 @@ def mesh_of(parsed: Parsed, target: Path, fitted: bool = True) -> Mesh:
     normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
     triangles = _facing(positions, normals, triangles)
     placed = positions if fitted else positions * (radius * extent) + middle
-    return Mesh(placed, normals, triangles, target.name, remarks, uv)
+    return Mesh(placed, normals, triangles, target.name, remarks, uv, tangents)
 
 
 def _face_normals(positions: np.ndarray, triangles: np.ndarray) -> np.ndarray:

@@ -8,10 +8,12 @@ import numpy as np
 class Parsed(NamedTuple):
     """`positions` (V, 3) and, where the file has them, `normals` (V, 3) of any length; `triangles` (T, 3) int64.
 
-    `uv` (V, 2), texture coordinates of a part of a glTF scene, v downwards as glTF has them.
+    Parts of a glTF scene have `uv` (V, 2), texture coordinates, v downwards as glTF has them, and may have `tangents`
+    (V, 4) with the sign of the binormal.
     """
 
     positions: np.ndarray
     normals: np.ndarray | None
     triangles: np.ndarray
     uv: np.ndarray | None = None
+    tangents: np.ndarray | None = None

@@ -36,7 +36,8 @@ def prepared(mesh: Mesh) -> tuple[Mesh, tuple[str, ...]]:
     volume = float((a[kept] * faces[kept]).sum()) / 6
     if not opened and volume < 0:
         notes.append(f"{mesh.name}: its normals point inwards; they are turned")
-        mesh = replace(mesh, normals=-mesh.normals, triangles=mesh.triangles[:, ::-1].copy())
+        turned = None if mesh.tangents is None else -mesh.tangents
+        mesh = replace(mesh, normals=-mesh.normals, triangles=mesh.triangles[:, ::-1].copy(), tangents=turned)
     return mesh, tuple(notes)
 
 
@@ -50,6 +51,8 @@ def two_sided(mesh: Mesh) -> Mesh:
         normals=np.concatenate((mesh.normals, -mesh.normals)),
         triangles=np.concatenate((mesh.triangles, mesh.triangles[:, ::-1] + len(mesh.positions))),
         uv=None if mesh.uv is None else np.tile(mesh.uv, (2, 1)),
+        # Mapped normals of the back are those of the front, turned round.
+        tangents=None if mesh.tangents is None else np.concatenate((mesh.tangents, -mesh.tangents)),
     )
 
 

@@ -57,7 +57,7 @@ class OpenedMaterial:
 
     `kind` is "fit" (a result of `factorize` or the `fit` that replaces a file), "source" (a named material), "matt" (an
     albedo) or "part" (the material of a glTF part). The mean of its `picture` (H, W, 3), in linear light, is in its
-    base colour.
+    base colour. `normals` (H, W, 3) are those of its normal map in tangent space.
     """
 
     words: str
@@ -65,6 +65,7 @@ class OpenedMaterial:
     reflectance: Reflectance
     fit: FileFit | None = None
     picture: np.ndarray | None = None
+    normals: np.ndarray | None = None
     left_out: tuple[str, ...] = ()
 
     @property
@@ -122,7 +123,7 @@ def _of_part(words: str) -> OpenedMaterial:
     mean = np.ones(3) if picture is None else picture.mean((0, 1))
     colour = tuple(float(value) for value in np.clip(np.array(given.base_colour) * mean, 0, 1))
     model = MetallicRoughness(colour, min(max(given.metallic, 0.0), 1.0), min(max(given.roughness, 0.0), 1.0))
-    return OpenedMaterial(words, PART, model, picture=picture, left_out=given.left_out)
+    return OpenedMaterial(words, PART, model, picture=picture, normals=given.normals, left_out=given.left_out)
 
 
 def _matt(words: str, albedo: tuple[float, ...]) -> OpenedMaterial:

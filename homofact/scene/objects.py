@@ -24,6 +24,7 @@ from homofact.scene.cameras import Camera, check_point
 from homofact.scene.file_fits import FileFits
 from homofact.scene.materials import MaterialTable, OpenedMaterial, Stage, found_source, open_materials
 from homofact.scene.meshes import SHAPE_PREFIX, MeshGroup, lowest, open_mesh, shape
+from homofact.scene.normal_map import SurfaceNormals
 from homofact.scene.tint import SurfaceTint
 from homofact.scene.visibility import seen_from_behind
 from homofact.settings.options import option
@@ -73,6 +74,14 @@ class SceneObject:
         return None if picture is None or uv is None else SurfaceTint.of(picture, uv)
 
     @cached_property
+    def bumps(self) -> SurfaceNormals | None:
+        """What its material's normal map makes of its normals; None where there is none."""
+        given, mesh = self.material.normals, self.mesh
+        if given is None or mesh.uv is None or mesh.tangents is None:
+            return None
+        return SurfaceNormals(given, mesh.uv, mesh.tangents)
+
+    @cached_property
     def reflectance(self) -> Reflectance:
         """Its material, in two parts where it has a texture."""
         tinted = None if self.tint is None else self.material.tinted
@@ -114,12 +123,14 @@ def place_objects(
     stage: Stage | None = None,
     fits: FileFits | None = None,
     check: Callable[[Sequence[Mesh], Mesh | None], None] | None = None,
+    normal_maps: bool = False,
 ) -> tuple[tuple[SceneObject, ...], tuple[str, ...]]:
     """Return (placed objects, with the ground last; one line for each remark).
 
     An open mesh that a camera sees from behind gets a back side. `stage` is called with the name of each file that is
     read, and `fits` has the fits that replace files of measurements. `check` is called with the objects' meshes and the
-    ground, before materials are opened. Raises BadInput if a file cannot be read.
+    ground, before materials are opened. A line remarks on normal maps unless the caller uses them. Raises BadInput if a
+    file cannot be read.
     """
     meshes, notes = [], []
     for table in objects:
@@ -142,9 +153,14 @@ def place_objects(
     materials = open_materials(tables, stage, fits)
     stand = {each.words: each.fit for each in materials if each.fit is not None}
     notes += [fit.sentence(words) for words, fit in stand.items()]
-    parts = {each.words: each.left_out for each in materials if each.left_out}
+    parts = {each.words: _left_out(each, normal_maps) for each in materials if _left_out(each, normal_maps)}
     notes += [f"{Path(words).name}: {', '.join(left)} is left out" for words, left in parts.items()]
     return tuple(map(SceneObject, meshes, materials)), tuple(notes)
+
+
+def _left_out(material: OpenedMaterial, normal_maps: bool) -> tuple[str, ...]:
+    unused = () if normal_maps or material.normals is None else ("its normal map",)
+    return (*unused, *material.left_out)
 
 
 def placed_mesh(table: ObjectTable) -> Mesh:
@@ -152,9 +168,11 @@ def placed_mesh(table: ObjectTable) -> Mesh:
     mesh = open_mesh(table.mesh)
     angle = math.radians(table.turn)
     turn = np.array([[math.cos(angle), 0, math.sin(angle)], [0, 1, 0], [-math.sin(angle), 0, math.cos(angle)]])
-    return replace(
-        mesh, positions=mesh.positions @ turn.T * table.size + np.array(table.at), normals=mesh.normals @ turn.T
-    )
+    tangents = None
+    if mesh.tangents is not None:
+        tangents = np.concatenate((mesh.tangents[:, :3] @ turn.T, mesh.tangents[:, 3:]), 1)
+    positions = mesh.positions @ turn.T * table.size + np.array(table.at)
+    return replace(mesh, positions=positions, normals=mesh.normals @ turn.T, tangents=tangents)
 
 
 def _found_mesh(text: str, folder: Path, where: str) -> str:

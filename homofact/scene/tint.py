@@ -8,6 +8,18 @@ import numpy as np
 from homofact.errors import BadInput
 
 
+def read_texture(texels: np.ndarray, uv: np.ndarray) -> np.ndarray:
+    """Bilinear values (S, C) float64 of a texture (H, W, C), row 0 at v = 0, which repeats, at coordinates (S, 2)."""
+    height, width = texels.shape[:2]
+    # Without whole turns first: coordinates may be large.
+    x, y = ((uv[:, k] % 1.0) * size - 0.5 for k, size in ((0, width), (1, height)))
+    left, top = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
+    a, b = (x - left)[:, None], (y - top)[:, None]
+    rows, columns = (top % height, (top + 1) % height), (left % width, (left + 1) % width)
+    upper, lower = (texels[row, columns[0]] * (1 - a) + texels[row, columns[1]] * a for row in rows)
+    return upper * (1 - b) + lower * b
+
+
 @dataclass(frozen=True)
 class SurfaceTint:
     """A texture on a mesh: `tints` (H, W, 3) float32, row 0 at v = 0, and the vertices' coordinates `uv` (V, 2).
@@ -34,14 +46,7 @@ class SurfaceTint:
 
     def at(self, uv: np.ndarray) -> np.ndarray:
         """Tints (S, 3) float64 at texture coordinates (S, 2)."""
-        height, width = self.tints.shape[:2]
-        # Without whole turns first: coordinates may be large.
-        x, y = ((uv[:, k] % 1.0) * size - 0.5 for k, size in ((0, width), (1, height)))
-        left, top = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
-        a, b = (x - left)[:, None], (y - top)[:, None]
-        rows, columns = (top % height, (top + 1) % height), (left % width, (left + 1) % width)
-        upper, lower = (self.tints[row, columns[0]] * (1 - a) + self.tints[row, columns[1]] * a for row in rows)
-        return upper * (1 - b) + lower * b
+        return read_texture(self.tints, uv)
 
     @cached_property
     def at_vertices(self) -> np.ndarray:
