@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 Place = str | os.PathLike[str]
 # Stages of the error that take seconds; the others take minutes.
-QUICK_STAGES = ("truncation", "bounce", "harmonics", "clusters", "together", "rim", "picture")
+QUICK_STAGES = ("normals", "truncation", "bounce", "harmonics", "clusters", "together", "rim", "picture")
 
 
 @overload

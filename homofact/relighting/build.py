@@ -6,11 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
+from homofact.brdf.analytic import Lambert
 from homofact.brdf.tinted import Tinted
 from homofact.meshes.mesh import Mesh
 from homofact.meshes.occlusion import Occluder
 from homofact.relighting.clusters import Clustered, clustered
-from homofact.relighting.factored_material import FactoredMaterial, factored, in_parts
+from homofact.relighting.factored_material import AUTO, SEPARATE, FactoredMaterial, factored, in_parts
 from homofact.relighting.harmonic import Harmonic, harmonic
 from homofact.relighting.interreflection import ORDER, BounceColours, Interreflection
 from homofact.relighting.lamps import check_lamps
@@ -20,12 +21,14 @@ from homofact.relighting.lobe_light import sight_words
 from homofact.relighting.lobe_table import LobeTable, sun_tables
 from homofact.relighting.plan import ObjectPlan, plan_object
 from homofact.relighting.precompute import TransportCost, TransportSettings, WaveletTransport, cost, transport
-from homofact.relighting.scene_file import RelightSceneFile
+from homofact.relighting.scene_file import RelightGroundTable, RelightObjectTable, RelightSceneFile
 from homofact.relighting.smooth_response import mean_albedo, smooth_response
 from homofact.relighting.sunlight import Sunlight
+from homofact.relighting.tilted_view import TiltedView
 from homofact.scene.file_fits import FileFit, FileFits
 from homofact.scene.materials import Stage
 from homofact.scene.meshes import MeshGroup
+from homofact.scene.normal_map import SurfaceNormals
 from homofact.scene.objects import SceneObject, place_objects
 from homofact.scene.tint import SurfaceTint
 
@@ -54,7 +57,8 @@ class RelitObject:
     """An object with its transport, and its compact form if requested.
 
     `fit` replaces the material if that is a file of measurements, `lobe` is its separate lobe, `sunlight` the light of
-    the scene's suns and lamps, and `tint` the effect of a base-colour texture on the material.
+    the scene's suns and lamps, and `tint` the effect of a base-colour texture on the material. `bumps` is its normal
+    map, and `tilted` the effect of mapped normals on the terms.
     """
 
     mesh: Mesh
@@ -65,6 +69,8 @@ class RelitObject:
     lobe: SeparateLobe | None = None
     sunlight: Sunlight | None = None
     tint: SurfaceTint | None = None
+    bumps: SurfaceNormals | None = None
+    tilted: TiltedView | None = None
 
     @property
     def form(self) -> str:
@@ -78,13 +84,16 @@ class RelitObject:
     def nbytes(self) -> int:
         """What relighting reads: the compact form where there is one, the view maps, what a lobe and suns need."""
         stored = self.transport.nbytes if self.compact is None else self.compact.nbytes
-        beside = sum(each.nbytes for each in (self.lobe, self.sunlight, self.tint) if each is not None)
+        parts = (self.lobe, self.sunlight, self.tint, self.bumps, self.tilted)
+        beside = sum(each.nbytes for each in parts if each is not None)
         return stored + self.transport.factors.view.nbytes + beside
 
     def lit(self, light: np.ndarray, suns: bool = True, lamps: bool = True) -> LitObject:
         """The object under a cube map of radiance, its suns and its lamps, by the form that is used."""
         lit = None if self.sunlight is None else self.sunlight.only(suns, lamps)
-        return LitObject.of(self.transport, self.compact, self.lobe, light, lit, self.tint)
+        return LitObject.of(
+            self.transport, self.compact, self.lobe, light, lit, self.tint, self.bumps, self.tilted
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -142,7 +151,7 @@ def open_relight_scene(
     def check(meshes: Sequence[Mesh], plane: Mesh | None) -> None:
         check_lamps(file.lamps, meshes, plane, file.cameras)
 
-    objects, notes = place_objects(file.objects, file.ground, file.cameras, stage, fits, check)
+    objects, notes = place_objects(file.objects, file.ground, file.cameras, stage, fits, check, normal_maps=True)
     notes = (*file.notes, *notes)
     occluder = MeshGroup([placed.mesh for placed in objects]).occluder
     tables = [*file.objects, *([] if file.ground is None else [file.ground])]
@@ -155,21 +164,23 @@ def open_relight_scene(
                 stage(f"planning {mesh.name}")
             plan = plan_object(
                 mesh, words, reflectance, occluder, file.light, file.cameras[0].eye, file.reflected, file.settings,
-                table.terms, file.seed, table.lobe,
+                table.terms, file.seed, _lobe_of(placed, table),
             )  # fmt: skip
             made = plan.factored
             if isinstance(reflectance, Tinted):
                 error = plan.chosen.of_terms if table.terms is None else None
                 made = in_parts(reflectance, made, table.terms, error=error, light=file.light)
+            made = made if placed.bumps is None else made.with_normals(placed.bumps.sines)
             choices.append(TransportChoice(made, plan.settings(file.settings), plan))
             continue
         # A mesh without texture coordinates has no texture, whatever its material.
-        key = (words, placed.tint is None, table.lobe, table.terms, table.error, table.share)
+        key = (words, placed.tint is None, placed.bumps is None, table.lobe, table.terms, table.error, table.share)
         if key not in known:
             if stage is not None:
                 stage(f"factoring {Path(words).name}")
             rule = (table.terms, table.share, table.error)
-            known[key] = factored(reflectance, table.lobe, *rule, light=file.light)
+            made = factored(reflectance, _lobe_of(placed, table), *rule, light=file.light)
+            known[key] = made if placed.bumps is None else made.with_normals(placed.bumps.sines)
         choices.append(TransportChoice(known[key], file.settings))
     if file.lights:
         choices = _with_sun_tables(objects, choices, stage)
@@ -177,6 +188,15 @@ def open_relight_scene(
     if file.bounces:
         bounces, choices = _with_bounces(objects, choices, stage)
     return RelightScene(file, objects, tuple(choices), occluder, notes, bounces)
+
+
+def _lobe_of(placed: SceneObject, table: RelightObjectTable | RelightGroundTable) -> str:
+    """The table's choice; under a normal map a lobe is separate unless the table says otherwise.
+
+    Each term of a factored lobe would need several for its tilts.
+    """
+    plain = placed.bumps is None or isinstance(placed.reflectance, Lambert) or table.share is not None
+    return table.lobe if plain or table.lobe != AUTO else SEPARATE
 
 
 def _with_sun_tables(
@@ -215,7 +235,11 @@ def _with_bounces(
     colours = BounceColours.of([mean for mean, _ in albedos])
     found = []
     for choice, (_, view) in zip(choices, albedos, strict=True):
-        material = replace(choice.material, factors=colours.terms(choice.material.factors, view))
+        held = choice.material
+        material = replace(held, factors=colours.terms(held.factors, view, held.tilted is not None))
+        if material.tilted is not None and material.factors.bounced:
+            made = material.tilted.with_bounce(material.factors, len(colours.colours))
+            material = replace(material, tilted=made)
         found.append(replace(choice, material=material))
     return colours, found
 
@@ -257,5 +281,6 @@ def relit_objects(
             if between is not None and file.lamps:
                 lit = replace(lit, bounced=between.from_lamps(placed.mesh, made.factors, file.lamps))
         words, fit = placed.material.words, placed.material.fit
-        objects.append(RelitObject(placed.mesh, words, made, compact, fit, lobe, lit, placed.tint))
+        more = (placed.tint, placed.bumps, choice.material.tilted)
+        objects.append(RelitObject(placed.mesh, words, made, compact, fit, lobe, lit, *more))
     return tuple(objects)

@@ -10,6 +10,7 @@ squares over vertices that the eye sees, by the area that they take in its pictu
     suns          the light of suns by tables, against the reflectance itself at 64 directions of each disc
     bounce        light between surfaces as if they were matt, against that of the reflectances themselves
     maps          the same terms read from maps of M × M texels
+    normals       with a normal map, instead of `terms` and `maps`: terms under tilted normals against the reflectance
     cube          the reference on this cube map against one of `FINE` times as many texels along a face
     truncation    of the wavelets of the transport, all but the kept left out, not rounded
     quantisation  those that are kept as 16-bit numbers
@@ -63,8 +64,8 @@ from homofact.rendering.tonemap import choose_exposure
 FINE, _RIM_PART = 4, 4
 _FINE_MAPS, _TRIANGLES = 128, 200
 STAGES = (
-    "terms", "maps", "lobe", "suns", "lamps", "bounce", "cube", "truncation", "quantisation", "harmonics", "clusters",
-    "interpolation", "together", "rim", "picture",
+    "terms", "maps", "normals", "lobe", "suns", "lamps", "bounce", "cube", "truncation", "quantisation", "harmonics",
+    "clusters", "interpolation", "together", "rim", "picture",
 )  # fmt: skip
 
 
@@ -94,7 +95,8 @@ def dense_colours(scene: RelightScene, light: np.ndarray) -> list[np.ndarray]:
         eye = scene.file.cameras[0].eye
         # An object may be out of the camera's sight as a whole.
         with contextlib.suppress(BadInput):
-            seen = seen_vertices(placed.mesh, placed.reflectance, scene.occluder, eye, None, tint=placed.tint)
+            given = (placed.mesh, placed.reflectance, scene.occluder, eye, None)
+            seen = seen_vertices(*given, tint=placed.tint, bumps=placed.bumps)
             colours[seen.which] = seen.dense(light.astype(np.float64), light.shape[1]) + seen.sunlit(scene.file.lights)
             if around is not None:
                 colours[seen.which] += around.bounced(seen, scene.file.light, FEW_NODES)
@@ -106,10 +108,10 @@ def sending_surfaces(scene: RelightScene) -> SendingSurfaces | None:
     """The surfaces of a scene whose light between them counts; None where it does not."""
     if scene.bounces is None:
         return None
-    meshes, reflectances, tints = zip(
-        *((each.mesh, each.reflectance, each.tint) for each in scene.objects), strict=True
+    meshes, reflectances, tints, bumps = zip(
+        *((each.mesh, each.reflectance, each.tint, each.bumps) for each in scene.objects), strict=True
     )
-    return SendingSurfaces(meshes, reflectances, scene.occluder, scene.file.lights, tints)
+    return SendingSurfaces(meshes, reflectances, scene.occluder, scene.file.lights, tints, bumps)
 
 
 def scene_errors(
@@ -121,19 +123,19 @@ def scene_errors(
     around = sending_surfaces(scene)
     for number, (placed, relit) in enumerate(zip(scene.objects, objects, strict=True)):
         given = (relit.mesh, placed.reflectance, scene.occluder, camera.eye)
-        pixels, rim = None, None
+        pixels, rim, tint, bumps = None, None, placed.tint, placed.bumps
         try:
-            seen = seen_vertices(*given, vertices, seed, tint=placed.tint)
+            seen = seen_vertices(*given, vertices, seed, tint=tint, bumps=bumps)
         except BadInput:
             found.append(None)
             continue
         # What turns no rim to the camera has none; what stands beside the picture has no pixels.
         if "rim" in stages:
             with contextlib.suppress(BadInput):
-                rim = seen_vertices(*given, max(vertices // _RIM_PART, 1), seed, True, placed.tint)
+                rim = seen_vertices(*given, max(vertices // _RIM_PART, 1), seed, True, tint=tint, bumps=bumps)
         if "picture" in stages:
             with contextlib.suppress(BadInput):
-                pixels = seen_pixels(meshes, number, *given[1:3], camera, vertices, seed, placed.tint)
+                pixels = seen_pixels(meshes, number, *given[1:3], camera, vertices, seed, tint=tint, bumps=bumps)
         light = scene.file.light
         found.append(measured_errors(seen, relit, light, stages, pixels, rim, around))
     return found
@@ -174,7 +176,10 @@ def measured_errors(
     apart = partial(
         relative, weights=seen.weights, of=None if lobe is None and not lights and around is None else truth
     )
-    if {"terms", "maps"} & {*stages}:
+    whole = LitObject.of(
+        transport, None, lobe, radiance, relit.sunlight, relit.tint, relit.bumps, relit.tilted
+    )  # fmt: skip
+    if {"terms", "maps"} & {*stages} and relit.tilted is None:
         exact = seen.dense(radiance, size, _fine(part, factors))
         if "terms" in stages:
             errors["terms"] = apart(exact, under_sky if lobe is None else seen.dense(radiance, size, part))
@@ -183,34 +188,35 @@ def measured_errors(
     if "cube" in stages:
         much = seen.dense(cube.environment_cube(light, FINE * size), FINE * size)
         errors["cube"] = apart(under_sky, much)
-    if {"truncation", "quantisation"} & {*stages}:
-        every, cut, stored = _vectors(seen, transport, radiance)
+    if {"truncation", "quantisation", *(["normals"] if relit.tilted is not None else [])} & {*stages}:
+        every, cut, stored = (_by_terms(seen, whole, each) for each in _vectors(seen, transport, radiance))
+        if "normals" in stages and relit.tilted is not None:
+            errors["normals"] = apart(every, under_sky if lobe is None else seen.dense(radiance, size, part))
         if "truncation" in stages:
             errors["truncation"] = apart(cut, every)
         if "quantisation" in stages:
             errors["quantisation"] = apart(stored, cut)
-    whole = LitObject.of(transport, None, lobe, radiance, relit.sunlight, relit.tint)
     used = whole if compact is None else relit.lit(radiance)
     stage = "harmonics" if isinstance(compact, Harmonic) else "clusters"
-    shown = _seen_of(seen, factors, used.tuples)
+    shown = _seen_of(seen, used)
     if compact is not None and stage in stages:
-        errors[stage] = apart(shown, _seen_of(seen, factors, whole.tuples))
-    own = used.lobe_at(_vertices(seen))
+        errors[stage] = apart(shown, _seen_of(seen, whole))
+    own = used.lobe_at(seen.points)
     if lobe is not None and "lobe" in stages:
         errors["lobe"] = apart(own, seen.dense(radiance, size, lobe.table.in_parts))
-    by_suns, by_lamps = (used.only_beside(*kind).suns_at(_vertices(seen)) for kind in ((True, False), (False, True)))
+    by_suns, by_lamps = (used.only_beside(*kind).suns_at(seen.points) for kind in ((True, False), (False, True)))
     for stage, kind, by_these, exact in (("suns", suns, by_suns, under_suns), ("lamps", lamps, by_lamps, under_lamps)):
         if kind and stage in stages:
             errors[stage] = apart(by_these, exact)
     if around is not None and "bounce" in stages:
-        errors["bounce"] = apart(_seen_of(seen, factors, used.tuples, slice(factors.direct, None)), of_bounce)
+        errors["bounce"] = apart(_seen_of(seen, used, slice(factors.direct, None)), of_bounce)
     shown = shown + own + by_suns + by_lamps
     if "interpolation" in stages:
         errors["interpolation"] = _interpolation(seen, part, radiance, size)
     if "together" in stages:
         errors["together"] = apart(shown, truth)
     if rim is not None:
-        at_rim = _seen_of(rim, factors, used.tuples) + used.lobe_at(_vertices(rim)) + used.suns_at(_vertices(rim))
+        at_rim = _seen_of(rim, used) + used.lobe_at(rim.points) + used.suns_at(rim.points)
         at_all = rim.dense(radiance, size) + rim.sunlit(lights)
         at_all += 0.0 if around is None else around.bounced(rim, light)
         errors["rim"] = relative(at_rim, at_all)
@@ -235,10 +241,6 @@ def relative(
     return float(np.sqrt((w * (found - truth) ** 2).sum() / (w * whole**2).sum()))
 
 
-def _vertices(seen: SeenVertices) -> SurfacePoints:
-    return SurfacePoints.at_vertices(seen.rows, seen.wo, seen.which)
-
-
 def _psnr(found: np.ndarray, truth: np.ndarray) -> float:
     """Of pixels (S, 3) as 8-bit sRGB at the exposure that suits the truth."""
     cover = np.ones((len(truth), 1))
@@ -247,15 +249,27 @@ def _psnr(found: np.ndarray, truth: np.ndarray) -> float:
     return psnr_of(torch.from_numpy(shown), torch.from_numpy(wanted), torch.from_numpy(cover > 0))
 
 
-def _seen_of(seen: SeenVertices, factors: InOutFactors, tuples: np.ndarray, terms: slice = slice(None)) -> np.ndarray:
-    """Light (S, 3) towards the eye of K-tuples (V, K, 3) of all vertices, by some of the terms."""
-    h = _tinted(view_values(factors, seen.wo), factors, seen)[:, terms]
-    return np.einsum("skc,skc->sc", h, tuples[seen.which][:, terms])
+def _seen_of(seen: SeenVertices, lit: LitObject, terms: slice = slice(None)) -> np.ndarray:
+    """Light (S, 3) towards the eye of an object's K-tuples at the vertices, by some of the terms."""
+    tuples = np.zeros_like(lit.tuples[seen.which])
+    tuples[:, terms] = lit.tuples[seen.which][:, terms]
+    return _by_terms(seen, lit, tuples)
 
 
-def _tinted(h: np.ndarray, factors: InOutFactors, seen: SeenVertices) -> np.ndarray:
-    """View values (S, K, 3) with what a texture makes of them."""
-    return h if seen.tint is None else np.where(factors.tinted_terms[:, None], h * seen.tint[:, None], h)
+def _by_terms(seen: SeenVertices, lit: LitObject, tuples: np.ndarray) -> np.ndarray:
+    """Light (S, 3) towards the eye of other K-tuples (S, K, 3) of the vertices, which may lack the last terms."""
+    factors = lit.transport.factors
+    if lit.tilted is None:
+        h = view_values(factors, seen.wo)[:, : tuples.shape[1]]
+        tinted = factors.tinted_terms[: tuples.shape[1], None]
+        h = h if seen.tint is None else np.where(tinted, h * seen.tint[:, None], h)
+        return np.einsum("skc,skc->sc", h, tuples)
+    whole = np.zeros((len(tuples), factors.terms, 3))
+    whole[:, : tuples.shape[1]] = tuples
+    places = SurfacePoints.at_vertices(seen.rows, seen.wo, np.arange(len(tuples)))
+    given = (lit.transport.frames[seen.which], places.corners, places.shares, seen.rows[:, 2], places.views)
+    plain, tinted = lit.tilted.light(whole, *given, factors.tinted_terms)
+    return plain + tinted * (1.0 if seen.tint is None else seen.tint)
 
 
 def _fine(part: Reflectance, factors: InOutFactors) -> Reflectance:
@@ -270,7 +284,7 @@ def _fine(part: Reflectance, factors: InOutFactors) -> Reflectance:
 def _vectors(
     seen: SeenVertices, transport: WaveletTransport, radiance: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Light of the sky (S, 3) each by whole transport vectors, by the numbers that are kept, and by these as stored."""
+    """K-tuples (S, K, 3) under the sky, by whole transport vectors, the numbers that are kept, and these as stored."""
     factors, settings = transport.factors, transport.settings
     size, terms = settings.cube, factors.direct
     tracer = Tracer(seen.mesh, seen.occluder, size, settings.rays)
@@ -281,7 +295,14 @@ def _vectors(
     tuples = np.zeros((3, len(seen.which), terms, 3))
     for s, v in enumerate(seen.which.tolist()):
         transport_vectors(
-            transport.frames[v], tracer.visible(v), tracer.directions, tracer.angles, maps, vectors, scratch
+            transport.frames[v],
+            tracer.visible(v),
+            tracer.directions,
+            tracer.angles,
+            maps,
+            factors.cosine,
+            vectors,
+            scratch,
         )
         for k in range(terms):
             r = v * factors.terms + k
@@ -289,9 +310,7 @@ def _vectors(
             tuples[0, s, k] = vectors[k].astype(np.float64) @ light
             tuples[1, s, k] = vectors[k][place].astype(np.float64) @ light[place]
             tuples[2, s, k] = transport.vector(v, k)[place] @ light[place]
-    h = _tinted(view_values(factors, seen.wo), factors, seen)[:, :terms]
-    whole, cut, stored = (np.einsum("skc,skc->sc", h, each) for each in tuples)
-    return whole, cut, stored
+    return tuples[0], tuples[1], tuples[2]
 
 
 def _interpolation(seen: SeenVertices, part: Reflectance, radiance: np.ndarray, size: int) -> float:

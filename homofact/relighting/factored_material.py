@@ -9,6 +9,8 @@ the light of the whole material.
 import math
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.tinted import Tinted
 from homofact.errors import BadInput
@@ -16,6 +18,7 @@ from homofact.relighting.decomposition import decompositions
 from homofact.relighting.factoring import MAP_SIZE, SHARE, check_channels, factor, factors_of_sizes
 from homofact.relighting.factors import InOutFactors
 from homofact.relighting.lobe_table import LobeTable, Rest, lobe_table, without_lobe
+from homofact.relighting.tilted_view import TiltedView, tilted
 from homofact.rendering.light import EnvironmentMap
 
 AUTO, SEPARATE, FACTORED = "auto", "separate", "factored"
@@ -29,10 +32,16 @@ ERROR = 0.02
 
 @dataclass(frozen=True)
 class FactoredMaterial:
-    """In-out `factors` of a material, or of what it is without its `lobe`."""
+    """In-out `factors` of a material, or of what it is without its `lobe`; `tilted` is for mapped normals."""
 
     factors: InOutFactors
     lobe: LobeTable | None = None
+    tilted: TiltedView | None = None
+
+    def with_normals(self, sines: np.ndarray) -> "FactoredMaterial":
+        """The same for a surface with a normal map, whose texels have tilts of these `sines` (N,)."""
+        factors, view = tilted(self.factors, sines)
+        return replace(self, factors=factors, tilted=view)
 
     def part(self, reflectance: Reflectance) -> Reflectance:
         """What the factors are of, the material being `reflectance`."""

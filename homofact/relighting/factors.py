@@ -26,7 +26,8 @@ class InOutFactors:
     term's part of `energy`, the expected Σ_c B² cosθo dωo of the light B that natural light, or the light that `factor`
     was given, sends back; `beside` is the part of it that a separate lobe takes, which may be below 0. The first
     `tinted` terms, and then the first half of the `bounced` ones, count times the tint of a texture. Texel (i, j)
-    lies at (2(i + ½)/M − 1, 2(j + ½)/M − 1) of the parabolic disc (u, v). A `Reflectance`.
+    lies at (2(i + ½)/M − 1, 2(j + ½)/M − 1) of the parabolic disc (u, v). With `cosine` the light maps have cosθi in
+    them, as those of mapped normals do (`tilted_view`). A `Reflectance`.
     """
 
     light: np.ndarray
@@ -37,6 +38,7 @@ class InOutFactors:
     beside: float = 0.0
     bounced: int = 0
     tinted: int = 0
+    cosine: bool = False
 
     @property
     def terms(self) -> int:
@@ -89,8 +91,14 @@ class InOutFactors:
 
     @cached_property
     def weights(self) -> np.ndarray:
-        """The root mean square (K,) float32 of each term's view map: what an error of its transport counts for."""
-        return np.sqrt((self.view.astype(np.float64) ** 2).mean((1, 2, 3))).astype(np.float32)
+        """The root mean square (K,) float32 of each term's view map: what an error of its transport counts for.
+
+        Over all tilts of a normal map it is 1: its functions are orthonormal.
+        """
+        found = np.sqrt((self.view.astype(np.float64) ** 2).mean((1, 2, 3))).astype(np.float32)
+        if self.cosine:
+            found[: self.direct] = 1
+        return found
 
     def first(self, terms: int) -> "InOutFactors":
         """The strongest `terms` alone."""
@@ -117,6 +125,7 @@ class InOutFactors:
         """Values (N, C) of the maps in sr⁻¹, negative ones included; 0 under the horizon."""
         above = (wi[:, 2] > 0) & (wo[:, 2] > 0)
         g = look_up(torch.from_numpy(self.light).permute(1, 2, 0).double(), wi.double())
+        g = g / wi[:, 2:].double().clamp_min(1e-6) if self.cosine else g
         h = look_up(torch.from_numpy(self.packed_view).flatten(2).double(), wo.double())
         values = torch.einsum("nk,nkc->nc", g, h.reshape(len(h), self.terms, -1))
         return torch.where(above[:, None], values, 0.0).to(wi)

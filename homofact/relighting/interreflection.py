@@ -69,14 +69,15 @@ class BounceColours:
         sign = np.sign(left.sum(0))[:count]
         return cls(left[:, :count] * size[:count] * sign, right[:count] * sign[:, None])
 
-    def terms(self, factors: InOutFactors, responses: Sequence[np.ndarray]) -> InOutFactors:
+    def terms(self, factors: InOutFactors, responses: Sequence[np.ndarray], tilted: bool = False) -> InOutFactors:
         """The factors with terms of interreflection behind them.
 
         `responses` (J, M, M, C) are those to smooth light: one, or of a material with a texture that of its tinted part
-        and that of the other, whose terms follow.
+        and that of the other, whose terms follow. Under `tilted` normals a matt material too reflects more than the
+        constant.
         """
         strength = [np.sqrt((each.astype(np.float64) ** 2).mean((1, 2, 3))) for each in responses]
-        few = all((each[1:] < _MATT * strength[0][0]).all() for each in strength)
+        few = not tilted and all((each[1:] < _MATT * strength[0][0]).all() for each in strength)
         own = np.concatenate([each[:1] if few else each for each in responses])
         grey = len(factors.channels) == 1 and np.ptp(self.colours, axis=1).max(initial=0) < _SMALL
         colours = (self.colours[:, :1] if grey else self.colours).astype(np.float32)

@@ -32,13 +32,14 @@ def transport_vectors(
     directions: np.ndarray,
     angles: np.ndarray,
     light_maps: np.ndarray,
+    with_cosine: bool,
     out: np.ndarray,
     scratch: np.ndarray,
 ) -> None:
     """T_k (K, 6·n²) of one vertex into `out`: g_k(ωi) V cosθi dω at every texel, and their Haar transforms.
 
     `frame` (3, 3) rows tangent, binormal, normal; `lit` (6·n²) the visible share of each texel; `directions` (6·n², 3),
-    `angles` (6·n²) steradians; `light_maps` (M, M, K); `scratch` (n, n).
+    `angles` (6·n²) steradians; `light_maps` (M, M, K), `with_cosine` if cosθi is in them; `scratch` (n, n).
     """
     terms = light_maps.shape[2]
     size = light_maps.shape[0]
@@ -53,7 +54,7 @@ def transport_vectors(
         a = frame[0, 0] * x + frame[0, 1] * y + frame[0, 2] * z
         b = frame[1, 0] * x + frame[1, 1] * y + frame[1, 2] * z
         p, q, s, t = place(a, b, cosine, size)
-        w = lit[j] * cosine * angles[j]
+        w = lit[j] * (np.float32(1.0) if with_cosine else cosine) * angles[j]
         w00, w01 = w * (1 - s) * (1 - t), w * (1 - s) * t
         w10, w11 = w * s * (1 - t), w * s * t
         for k in range(terms):

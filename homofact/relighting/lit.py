@@ -8,12 +8,15 @@ import numpy as np
 from homofact.relighting.clusters import Clustered
 from homofact.relighting.harmonic import Harmonic
 from homofact.relighting.interreflection import spread_suns
-from homofact.relighting.lobe import SeparateLobe, SurfacePoints
+from homofact.relighting.lobe import SeparateLobe, SurfacePoints, checked_eye
 from homofact.relighting.lobe_light import LightCells
 from homofact.relighting.lobe_table import LobeTable
+from homofact.relighting.mapped_points import mapped_points
 from homofact.relighting.precompute import WaveletTransport
 from homofact.relighting.relight import Light, Relit, light_coefficients, light_cube, shaded
 from homofact.relighting.sunlight import Sunlight
+from homofact.relighting.tilted_view import TiltedView
+from homofact.scene.normal_map import SurfaceNormals
 from homofact.scene.tint import SurfaceTint
 
 
@@ -21,7 +24,8 @@ from homofact.scene.tint import SurfaceTint
 class LitObject:
     """The K-tuples (V, K, 3) of an object's vertices, the light's `cells` for a separate `lobe`, and its suns.
 
-    `tint` is what a base-colour texture makes of its material.
+    `tint` is what a base-colour texture makes of its material, `bumps` what a normal map makes of its normals, and
+    `tilted` what tilted normals make of the terms.
     """
 
     transport: WaveletTransport
@@ -30,6 +34,8 @@ class LitObject:
     cells: LightCells | None = None
     sunlight: Sunlight | None = None
     tint: SurfaceTint | None = None
+    bumps: SurfaceNormals | None = None
+    tilted: TiltedView | None = None
 
     @classmethod
     def of(
@@ -40,6 +46,8 @@ class LitObject:
         light: Light,
         sunlight: Sunlight | None = None,
         tint: SurfaceTint | None = None,
+        bumps: SurfaceNormals | None = None,
+        tilted: TiltedView | None = None,
     ) -> "LitObject":
         """Under a light, by the compact form where there is one, suns and lamps. Raises BadInput for no light."""
         cells = None if lobe is None else LightCells.of(light_cube(light, transport.settings.cube))
@@ -50,21 +58,55 @@ class LitObject:
         if bounced and sunlight is not None and sunlight.bounced is not None:
             levels = np.stack([lamp.intensity for lamp in sunlight.lamps])
             tuples[:, -bounced:] += (sunlight.bounced @ levels).astype(np.float32)
-        return cls(transport, tuples, lobe, cells, sunlight, tint)
+        return cls(transport, tuples, lobe, cells, sunlight, tint, bumps, tilted)
+
+    @property
+    def varied(self) -> bool:
+        """Whether the terms vary between vertices: with a texture or a normal map."""
+        return self.tint is not None or self.bumps is not None
 
     def terms(self, eye: Sequence[float] | np.ndarray) -> np.ndarray:
         """Radiance (V, 3) float32 of the vertices towards a point `eye` (3,), by the in-out factors alone."""
+        if self.tilted is not None:
+            return self.terms_at(self.vertex_points(eye), eye).astype(np.float32)
         if self.tint is None:
             return shaded(self.transport, self.tuples, eye)
         plain, tinted = self._parts(eye)
         return (plain + tinted * self.tint.at_vertices).astype(np.float32)
 
     def terms_at(self, points: SurfacePoints, eye: Sequence[float] | np.ndarray) -> np.ndarray:
-        """The same (S, 3) float64 mixed at points between vertices, with the texture's own colour there."""
+        """The same (S, 3) float64 mixed at points between vertices, with the texture's colour and normal there."""
+        if self.tilted is not None:
+            return self._tilted_at(points)
         if self.tint is None:
             return points.mixed(shaded(self.transport, self.tuples, eye).astype(np.float64))
         plain, tinted = (points.mixed(each.astype(np.float64)) for each in self._parts(eye))
         return plain + tinted * self.tint.between(points.corners, points.shares)
+
+    def _tilted_at(self, points: SurfacePoints) -> np.ndarray:
+        """The light (S, 3) of the terms under mapped normals; 0 where a point is seen from behind."""
+        assert self.tilted is not None
+        made = self.transport
+        where = (points.corners, points.shares, points.frames[:, 2], points.views)
+        plain, tinted = self.tilted.light(self.tuples, made.frames, *where, made.factors.tinted_terms)
+        tint = 1.0 if self.tint is None else self.tint.between(points.corners, points.shares)
+        return np.where(points.wo[:, 2:] > 0, plain.astype(np.float64) + tinted * tint, 0.0)
+
+    def vertex_points(self, eye: Sequence[float] | np.ndarray) -> SurfacePoints:
+        """All vertices, with their mapped normals. Raises BadInput if `eye` is no point."""
+        made = self.transport
+        if self.bumps is None:
+            return SurfacePoints.all_vertices(made.positions, made.frames, eye)
+        normals = made.frames[:, 2].astype(np.float64)
+        towards = checked_eye(eye) - made.positions
+        towards /= np.linalg.norm(towards, axis=1, keepdims=True)
+        corners = np.repeat(np.arange(made.vertices)[:, None], 3, 1)
+        found = mapped_points(
+            self.bumps, corners, np.broadcast_to(np.array([1.0, 0.0, 0.0]), corners.shape), normals, towards
+        )
+        # A vertex of a surface that is turned away sends nothing.
+        away = (normals * towards).sum(1) <= 0
+        return replace(found, wo=np.where(away[:, None], (0.0, 0.0, -1.0), found.wo))
 
     def _parts(self, eye: Sequence[float] | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Radiance (V, 3) twice: of the terms that no texture tints, and of those that it does, where its tint is 1."""
@@ -102,7 +144,7 @@ class LitObject:
         found = self.terms(eye)
         if self.lobe is None and self.sunlight is None:
             return found
-        points = SurfacePoints.all_vertices(self.transport.positions, self.transport.frames, eye)
+        points = self.vertex_points(eye)
         found += self.lobe_at(points)
         found += self.suns_at(points, None if self.sunlight is None else self.sunlight.seen).astype(np.float32)
         return found

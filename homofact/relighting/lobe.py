@@ -22,13 +22,15 @@ from homofact.relighting.lobe_table import LobeTable
 class SurfacePoints:
     """Points between vertices: `frames` (S, 3, 3), rows tangent, binormal, normal, and the view `wo` (S, 3) in them.
 
-    Each is mixed of the vertices `corners` (S, 3) by `shares` (S, 3).
+    Each is mixed of the vertices `corners` (S, 3) by `shares` (S, 3). Where a normal map tilts the frames, `horizon`
+    (S, 3) are the normals of the surface itself, under which no light arrives.
     """
 
     frames: np.ndarray
     wo: np.ndarray
     corners: np.ndarray
     shares: np.ndarray
+    horizon: np.ndarray | None = None
 
     @classmethod
     def at_vertices(cls, frames: np.ndarray, wo: np.ndarray, which: np.ndarray) -> "SurfacePoints":
@@ -47,7 +49,18 @@ class SurfacePoints:
 
     def only(self, which: np.ndarray) -> "SurfacePoints":
         """Those numbered."""
-        return SurfacePoints(self.frames[which], self.wo[which], self.corners[which], self.shares[which])
+        horizon = None if self.horizon is None else self.horizon[which]
+        return SurfacePoints(self.frames[which], self.wo[which], self.corners[which], self.shares[which], horizon)
+
+    @property
+    def normals(self) -> np.ndarray:
+        """Those of the surface (S, 3), whatever a normal map says."""
+        return self.frames[:, 2] if self.horizon is None else self.horizon
+
+    @property
+    def views(self) -> np.ndarray:
+        """Unit directions (S, 3) towards the viewer, in the world."""
+        return np.einsum("sij,si->sj", self.frames, self.wo)
 
     def mixed(self, values: np.ndarray) -> np.ndarray:
         """Values (S, C) between those of the vertices (V, C)."""

@@ -13,18 +13,19 @@ import torch
 
 from homofact.meshes.mesh import Mesh
 from homofact.meshes.occlusion import Occluder
-from homofact.meshes.tangents import frames
 from homofact.relighting.lit import LitObject
 from homofact.relighting.lobe import SurfacePoints
+from homofact.relighting.mapped_points import bent_back, mapped_points
 from homofact.relighting.sunlight import LitPoints
 from homofact.rendering.light import EnvironmentMap
 from homofact.rendering.sphere import SphereImage
 from homofact.rendering.tonemap import choose_exposure, tonemap
 from homofact.scene.cameras import Camera
 from homofact.scene.meshes import MeshGroup, faded
+from homofact.scene.normal_map import SurfaceNormals
 
 _RAYS = 2
-_LEAST_COSINE, _STEEP = 0.02, 0.3
+_STEEP = 0.3
 _SHADOW_RAYS = 8  # to a sun or lamp, from each of a pixel's four points
 
 
@@ -62,9 +63,9 @@ def picture(
         rays = np.flatnonzero((triangle >= first) & (triangle < first + len(mesh.triangles)))
         own, shares = triangle[rays] - first, weights[rays]
         first += len(mesh.triangles)
-        if lit and (lit[number].lobe is not None or lit[number].tint is not None or lights):
-            points = surface_points(mesh, own, shares, -flat[rays])
-            if lit[number].tint is not None:
+        if lit and (lit[number].varied or lit[number].lobe is not None or lights):
+            points = surface_points(mesh, own, shares, -flat[rays], lit[number].bumps)
+            if lit[number].varied:
                 found[rays] = lit[number].terms_at(points, camera.eye)
             if lit[number].lobe is not None:
                 found[rays] += _lobe(lit[number], points, rays, shape[2])
@@ -90,24 +91,29 @@ def picture(
 
 
 def _lobe(lit: LitObject, points: SurfacePoints, rays: np.ndarray, samples: int) -> np.ndarray:
-    """The lobe at the points of `rays`, `samples` of them a pixel: once a pixel, at outlines once a ray."""
+    """The lobe at the points of `rays`, `samples` of them a pixel: once a pixel, at outlines once a ray.
+
+    With a normal map it is summed for each ray.
+    """
+    if lit.bumps is not None:
+        return lit.lobe_at(points)
     key = rays // samples * 2 * samples + np.where(points.wo[:, 2] < _STEEP, samples + rays % samples, 0)
     _, chosen, own = np.unique(key, return_index=True, return_inverse=True)
     return lit.lobe_at(points.only(chosen))[own]
 
 
-def surface_points(mesh: Mesh, triangles: np.ndarray, shares: np.ndarray, towards: np.ndarray) -> SurfacePoints:
+def surface_points(
+    mesh: Mesh, triangles: np.ndarray, shares: np.ndarray, towards: np.ndarray, bumps: SurfaceNormals | None = None
+) -> SurfacePoints:
     """Points on `triangles` (S,) of a mesh by their corners' `shares` (S, 3), seen from `towards` (S, 3).
 
-    A normal between vertices that is turned away, at an outline, is bent back until it is seen.
+    A normal between vertices that is turned away, at an outline, is bent back until it is seen. `bumps` is the mesh's
+    normal map.
     """
     corners = mesh.triangles[triangles]
     normals = (mesh.normals[corners] * shares[..., None]).sum(1)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True).clip(1e-12)
-    normals += (_LEAST_COSINE - (normals * towards).sum(1, keepdims=True)).clip(0) * towards
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    rows = frames(normals)
-    return SurfacePoints(rows, np.einsum("sij,sj->si", rows, towards), corners, shares)
+    return mapped_points(bumps, corners, shares, bent_back(normals, towards), towards)
 
 
 def displayed_picture(radiance: np.ndarray, coverage: np.ndarray, exposure: float | None = None) -> np.ndarray:

@@ -248,7 +248,8 @@ class _Work(Tracer):
 
     def fingerprint(self) -> str:
         """A digest of everything that decides about the blocks."""
-        digest = hashlib.sha256(repr((self.settings, self.mesh.name)).encode())
+        said = (self.settings, self.mesh.name, *(["cosine"] if self.factors.cosine else []))
+        digest = hashlib.sha256(repr(said).encode())
         for each in (self.positions, self.rows, self.maps, self.factors.view, *self.occluder.arrays):
             digest.update(np.ascontiguousarray(each).data)
         if self.between is not None:
@@ -266,7 +267,8 @@ class _Work(Tracer):
         tolerance = self.settings.tolerance
         for v in range(first, last):
             lit = self.visible(v)
-            transport_vectors(self.rows[v], lit, self.directions, self.angles, self.maps, direct, scratch)
+            cosine = self.factors.cosine
+            transport_vectors(self.rows[v], lit, self.directions, self.angles, self.maps, cosine, direct, scratch)
             if self.between is not None and self.factors.bounced:
                 # The same light for both parts of a material with a texture.
                 parts = 2 if self.factors.tinted else 1

@@ -138,7 +138,9 @@ def measured(
         for m, each in enumerate(maps):
             got = look_up(each, torch.from_numpy(wi)).numpy().T @ flux
             by_map[m, s] = grouped(got * np.tile(views[m][s], TURNS))
-        transport_vectors(rows[s].astype(np.float32), lit, tracer.directions, tracer.angles, kept, vectors, scratch)
+        transport_vectors(
+            rows[s].astype(np.float32), lit, tracer.directions, tracer.angles, kept, False, vectors, scratch
+        )
         weights = sizes[at].weights.astype(np.float64)
         binned(vectors, weights, group, coefficients, views[at][s], counts[s], squares[s], sent[s])
         low = (vectors @ back.T).astype(np.float64)

@@ -36,8 +36,8 @@ from homofact.scene.folders import read_scene_archive, report_name, write_scene_
 
 REPORT = report_name(RELIT)
 _EXPECTED = "a relit scene that homofact wrote"
-_FORMAT, _VERSION = "homofact relit scene", 5
-_OLDEST = 3  # without suns; 4 without lamps
+_FORMAT, _VERSION = "homofact relit scene", 6
+_OLDEST = 3  # without suns; 4 without lamps; 5 without normal maps
 
 
 @dataclass(frozen=True)
@@ -160,6 +160,9 @@ def save_scene(file: Path, scene: RelightResult) -> None:
                 own["lamp_bounced"] = each.sunlight.bounced
         if each.tint is not None:
             own |= {"tints": each.tint.tints, "uv": each.tint.uv}
+        if each.bumps is not None and each.tilted is not None:
+            own |= {"normal_map": each.bumps.vectors, "uv": each.bumps.uv, "tangents": each.bumps.tangents}
+            own |= {"tilt_view": each.tilted.view, "tilts": each.tilted.tilts, "tilt_entries": each.tilted.entries}
         arrays |= {f"object_{number}_{name}": array for name, array in own.items()}
         entries.append(
             {
@@ -170,6 +173,7 @@ def save_scene(file: Path, scene: RelightResult) -> None:
                 "beside": factors.beside,
                 "bounced": factors.bounced,
                 "tinted": factors.tinted,
+                "reach": None if each.tilted is None else each.tilted.reach,
                 "lobe": None if each.lobe is None else each.lobe.table.record(),
                 "sun_tables": [] if each.sunlight is None else [table.record() for table in each.sunlight.tables],
                 "compact": "harmonic" if isinstance(each.compact, Harmonic) else each.compact is not None,

@@ -25,8 +25,10 @@ from homofact.relighting.lobe_table import LobeTable
 from homofact.relighting.page.skies import PageSky
 from homofact.relighting.precompute import TransportSettings, WaveletTransport
 from homofact.relighting.sunlight import MOST_LIGHTS, Sun, Sunlight
+from homofact.relighting.tilted_view import MOST_REACH, TILTS, TiltedView
 from homofact.rendering.light import LEAST_LIGHT, MOST_LIGHT
 from homofact.scene.cameras import Camera
+from homofact.scene.normal_map import SurfaceNormals
 from homofact.scene.tint import SurfaceTint
 
 VECTORS = ("start", "index", "number", "scale")
@@ -34,6 +36,7 @@ FACTORS = ("light", "view", "strength")
 # Objects, cameras; lengths, scales and maps of which products of four stay finite in float32.
 _MOST_OBJECTS, _MOST_CAMERAS, _MOST_TABLES, _MOST = 10_000, 1000, 3, 1e9
 _UNIT = 1.0 + 1e-3
+_MOST_ENTRIES = 100_000
 
 
 class Part:
@@ -90,7 +93,10 @@ def read_object(
     energy, beside = entry.number("energy", above=0), entry.number("beside")
     bounced = entry.whole("bounced", 0, terms) if "bounced" in entry.found else 0
     tinted = entry.whole("tinted", 0, terms - bounced) if "tinted" in entry.found else 0
-    factors = InOutFactors(light, view, strength, energy, channels, beside, bounced, tinted)
+    reach = entry.number("reach", above=0) if entry.found.get("reach") is not None else None
+    if reach is not None and reach > MOST_REACH:
+        entry.refuse("reach", f"at most {MOST_REACH:g}")
+    factors = InOutFactors(light, view, strength, energy, channels, beside, bounced, tinted, reach is not None)
     mesh = _mesh(part, entry.text("name"))
     count = len(mesh.positions)
     positions, rows = mesh.positions.astype(np.float32), part.rotations("frames", count)
@@ -101,8 +107,11 @@ def read_object(
     if tinted:
         texture = part.floats("tints", (None, None, 3), least=0.0)
         tint = SurfaceTint(texture, part.floats("uv", (count, 2), MOST_VALUE, dtype=np.float64))
+    bumps, tilted = (None, None) if reach is None else _normal_map(part, factors, count, reach)
     compact = _compact(part, entry, made)
-    return RelitObject(mesh, entry.text("material"), made, compact, lobe=lobe, sunlight=lit, tint=tint)
+    return RelitObject(
+        mesh, entry.text("material"), made, compact, lobe=lobe, sunlight=lit, tint=tint, bumps=bumps, tilted=tilted
+    )
 
 
 def read_suns(fields: Fields) -> tuple[Sun, ...]:
@@ -235,6 +244,22 @@ def _vectors(part: Part, count: int, settings: TransportSettings) -> tuple[np.nd
     if len(index) != total:
         raise part.refuse("index", f"holds {len(index)} places", f"{total}")
     return start, index, part.wholes("number", np.int16, (total,)), part.floats("scale", (count,), least=0.0)
+
+
+def _normal_map(part: Part, factors: InOutFactors, count: int, reach: float) -> tuple[SurfaceNormals, TiltedView]:
+    """The normal map of an object with so many vertices, and what tilted normals make of its terms."""
+    vectors = part.floats("normal_map", (None, None, 3), _UNIT)
+    if vectors[..., 2].min() < -1e-6 or not (np.linalg.norm(vectors, axis=2) > 0.5).all():
+        raise part.refuse("normal_map", "holds one that is no normal", "unit vectors with z of 0 or more")
+    uv = part.floats("uv", (count, 2), MOST_VALUE, dtype=np.float64)
+    tangents = part.floats("tangents", (count, 4), _UNIT, dtype=np.float64)
+    view = part.floats("tilt_view", (None, *factors.view.shape[1:]))
+    tilts = part.floats("tilts", (TILTS, TILTS, None))
+    entries = part.wholes("tilt_entries", np.int32, (None, 3), _MOST_ENTRIES)
+    limits = (factors.terms, len(view), tilts.shape[2])
+    if len(entries) and (entries.max(0) >= limits).any():
+        raise part.refuse("tilt_entries", f"names {entries.max(0).tolist()}", f"numbers below {limits}")
+    return SurfaceNormals(vectors, uv, tangents), TiltedView(view, tilts, entries, reach)
 
 
 def _lobe(part: Part, entry: Fields, made: WaveletTransport) -> SeparateLobe:

@@ -20,9 +20,11 @@ from homofact.meshes.tangents import frames
 from homofact.relighting import cube
 from homofact.relighting.cones import RoundLight
 from homofact.relighting.lobe import SurfacePoints
+from homofact.relighting.mapped_points import bent_back
 from homofact.relighting.sunlight import LitPoints, summed
 from homofact.relighting.tracer import Tracer
 from homofact.scene.cameras import Camera
+from homofact.scene.normal_map import SurfaceNormals
 from homofact.scene.tint import SurfaceTint
 
 RIM = 0.2  # the rim is where cosθo is below this: 4% of a sphere's picture
@@ -33,7 +35,8 @@ class SeenVertices:
     """Vertices that an eye sees, with the inputs to the sum of their light.
 
     `weights` (S,) are their parts of the picture (default: equal); `view` (S, 3) is the view in their frames, where it
-    is not the eye's; `tints` (V, 3) are those of a texture at all vertices of the mesh.
+    is not the eye's; `tints` (V, 3) are those of a texture at all vertices of the mesh, and `mapped` (V, 3) the unit
+    normals of a normal map. Light arrives above the mesh's own normals.
     """
 
     mesh: Mesh
@@ -44,17 +47,20 @@ class SeenVertices:
     weights: np.ndarray | None = None
     view: np.ndarray | None = None
     tints: np.ndarray | None = None
+    mapped: np.ndarray | None = None
     rows: np.ndarray = field(init=False)
     wo: np.ndarray = field(init=False)
 
     def __post_init__(self) -> None:
         """Frames of the vertices, and the eye's direction in them."""
-        self.rows = frames(self.mesh.normals[self.which])
         if self.view is not None:
+            self.rows = frames(self.mesh.normals[self.which])
             self.wo = self.view
             return
         towards = self.eye - self.mesh.positions[self.which]
         towards /= np.linalg.norm(towards, axis=1, keepdims=True)
+        own = self.mesh.normals[self.which]
+        self.rows = frames(own if self.mapped is None else bent_back(self.mapped[self.which], towards))
         self.wo = np.einsum("vij,vj->vi", self.rows, towards)
 
     def dense(self, light: np.ndarray, size: int, reflectance: Reflectance | None = None) -> np.ndarray:
@@ -77,8 +83,20 @@ class SeenVertices:
 
     def sunlit(self, lights: Sequence[RoundLight]) -> np.ndarray:
         """The light of suns and lamps (S, 3), by the reflectance itself at many directions of each disc."""
-        origins = self.mesh.positions[self.which] + self.occluder.offset * self.rows[:, 2]
-        return summed(self.reflectance, lights, LitPoints(origins, self.rows), self.wo, self.occluder, self.tint)
+        origins = self.mesh.positions[self.which] + self.occluder.offset * self.normals
+        points = LitPoints(origins, self.rows, None if self.mapped is None else self.normals)
+        return summed(self.reflectance, lights, points, self.wo, self.occluder, self.tint)
+
+    @property
+    def normals(self) -> np.ndarray:
+        """The mesh's own at the vertices (S, 3), whatever a normal map says."""
+        return self.mesh.normals[self.which]
+
+    @property
+    def points(self) -> SurfacePoints:
+        """The vertices as points, with the frames that they are shaded in."""
+        found = SurfacePoints.at_vertices(self.rows, self.wo, self.which)
+        return found if self.mapped is None else replace(found, horizon=self.normals)
 
     @property
     def tint(self) -> np.ndarray | None:
@@ -94,13 +112,15 @@ def seen_vertices(
     most: int | None,
     seed: int = 0,
     rim: bool = False,
+    *,
     tint: SurfaceTint | None = None,
+    bumps: SurfaceNormals | None = None,
 ) -> SeenVertices:
     """So many vertices that face the eye and that nothing hides from it, drawn by the seed in proportion to their area.
 
     One that takes much of the picture may be drawn several times. All of them, weighted, where `most` is None; with
-    `rim` those of the rim alone. `tint` is what a texture makes of the reflectance. Raises BadInput where the eye sees
-    none.
+    `rim` those of the rim alone. `tint` is what a texture makes of the reflectance, `bumps` what a normal map makes of
+    the normals. Raises BadInput where the eye sees none.
     """
     point = np.asarray(eye, np.float64)
     towards = point - mesh.positions
@@ -115,7 +135,8 @@ def seen_vertices(
     weights = area[open_] if most is None else None
     which = open_ if most is None else open_[_drawn(area[open_], most, seed)]
     tints = None if tint is None else tint.at_vertices
-    return SeenVertices(mesh, reflectance, occluder, point, which, weights, tints=tints)
+    mapped = None if bumps is None else bumps.at_vertices(mesh.normals)
+    return SeenVertices(mesh, reflectance, occluder, point, which, weights, tints=tints, mapped=mapped)
 
 
 def vertex_areas(mesh: Mesh, eye: np.ndarray) -> np.ndarray:
@@ -147,7 +168,7 @@ class SeenPixels:
 
 def seen_pixels(
     meshes: Sequence[Mesh], number: int, reflectance: Reflectance, occluder: Occluder, camera: Camera, most: int | None,
-    seed: int = 0, tint: SurfaceTint | None = None,
+    seed: int = 0, *, tint: SurfaceTint | None = None, bumps: SurfaceNormals | None = None,
 ) -> SeenPixels:  # fmt: skip
     """The camera's pixels that see a mesh, so many or all: `number` of the `meshes` of the occluder, in order.
 
@@ -170,8 +191,11 @@ def seen_pixels(
     positions = (mesh.positions[corners[kept]] * shares[kept]).sum(1)
     points = replace(mesh, positions=positions, normals=normals[kept], triangles=mesh.triangles[:0])
     tints = None if tint is None else tint.between(corners[kept], shares[kept, :, 0])
-    seen = SeenVertices(points, reflectance, occluder, eye, np.arange(len(kept)), tints=tints)
-    return SeenPixels(seen, SurfacePoints(seen.rows, seen.wo, corners[kept], shares[kept, :, 0]), own[kept])
+    mapped = None if bumps is None else bumps.between(corners[kept], shares[kept, :, 0], normals[kept])
+    seen = SeenVertices(points, reflectance, occluder, eye, np.arange(len(kept)), tints=tints, mapped=mapped)
+    horizon = None if bumps is None else seen.normals
+    mixture = SurfacePoints(seen.rows, seen.wo, corners[kept], shares[kept, :, 0], horizon)
+    return SeenPixels(seen, mixture, own[kept])
 
 
 def _drawn(weights: np.ndarray, count: int, seed: int) -> np.ndarray:

@@ -18,13 +18,14 @@ from homofact.geometry.directions import normalize
 from homofact.geometry.quadrature import hemisphere_nodes
 from homofact.meshes.mesh import Mesh
 from homofact.meshes.occlusion import Occluder
-from homofact.meshes.tangents import frames
 from homofact.relighting import cube
 from homofact.relighting.cones import RoundLight
 from homofact.relighting.interreflection import SUN_RADIUS
+from homofact.relighting.mapped_points import mapped_points
 from homofact.relighting.seen import SeenVertices
 from homofact.relighting.sunlight import LitPoints
 from homofact.rendering.light import EnvironmentMap
+from homofact.scene.normal_map import SurfaceNormals
 from homofact.scene.tint import SurfaceTint
 
 # Rings and spokes of directions to surfaces, fewer where there are many points; texels along a face of the sky.
@@ -35,13 +36,17 @@ _LEAST_COSINE = 0.01
 
 @dataclass(frozen=True)
 class SendingSurfaces:
-    """Meshes in the occluder's order, each of its reflectance and with its texture's tint, under `lights` and a sky."""
+    """Meshes in the occluder's order, each of its reflectance and with its texture's tint, under `lights` and a sky.
+
+    `bumps` are their normal maps.
+    """
 
     meshes: Sequence[Mesh]
     reflectances: Sequence[Reflectance]
     occluder: Occluder
     lights: Sequence[RoundLight] = ()
     tints: Sequence[SurfaceTint | None] | None = None
+    bumps: Sequence[SurfaceNormals | None] | None = None
 
     def bounced(self, seen: SeenVertices, light: EnvironmentMap, nodes: int = NODES, inner: int = INNER) -> np.ndarray:
         """Radiance (S, 3) towards the eye of light that reaches the points by way of one other surface."""
@@ -55,9 +60,10 @@ class SendingSurfaces:
             wo[2] = wo[2].clamp_min(_LEAST_COSINE)
             wi, solid = (each[0] for each in hemisphere_nodes(normalize(wo[None]), nodes, nodes))
             w = wi.numpy() @ seen.rows[s]
-            origin = seen.mesh.positions[v] + self.occluder.offset * seen.rows[s, 2]
+            own = seen.mesh.normals[v]
+            origin = seen.mesh.positions[v] + self.occluder.offset * own
             triangle, weights = self.occluder.first(origin[None], w)
-            met = np.flatnonzero(triangle >= 0)
+            met = np.flatnonzero((triangle >= 0) & (w @ own > 0))
             if not len(met):
                 continue
             sent = self._sent(triangle[met], weights[met], -w[met], *lights)
@@ -73,7 +79,8 @@ class SendingSurfaces:
         """Radiance (H, 3) of points on triangles towards `back` (H, 3), by lights of `flux` (L, 3) from `w` (L, 3)."""
         found, first = np.zeros((len(triangle), 3)), 0
         tints = [None] * len(self.meshes) if self.tints is None else self.tints
-        for mesh, reflectance, texture in zip(self.meshes, self.reflectances, tints, strict=True):
+        maps = [None] * len(self.meshes) if self.bumps is None else self.bumps
+        for mesh, reflectance, texture, bumps in zip(self.meshes, self.reflectances, tints, maps, strict=True):
             own = np.flatnonzero((triangle >= first) & (triangle < first + len(mesh.triangles)))
             corners, shares = mesh.triangles[triangle[own] - first], weights[own, :, None]
             first += len(mesh.triangles)
@@ -84,8 +91,9 @@ class SendingSurfaces:
                 continue
             own, normals = own[facing], normals[facing]
             positions = (mesh.positions[corners[facing]] * shares[facing]).sum(1)
-            points = LitPoints(positions + self.occluder.offset * normals, frames(normals))
-            view = np.einsum("hij,hj->hi", points.frames, back[own])
+            mapped = mapped_points(bumps, corners[facing], shares[facing, :, 0], normals, back[own])
+            points = LitPoints(positions + self.occluder.offset * normals, mapped.frames, mapped.horizon)
+            view = mapped.wo
             tint = None if texture is None else texture.between(corners[facing], shares[facing, :, 0])
             found[own] = self._lit(points, reflectance, tint, view, w, flux)
         return found
@@ -100,12 +108,12 @@ class SendingSurfaces:
         flux: np.ndarray,
     ) -> np.ndarray:
         """The sum (H, 3) over the lights that points see, all of them at once; `tint` (H, 3) is that of a texture."""
-        row, light = np.nonzero(points.frames[:, 2] @ w.T > 0)
+        row, light = np.nonzero(points.normals @ w.T > 0)
         pairs = [(row, w[light], flux[light], np.full(len(row), np.inf))]
         for each in self.lights:
             cones = each.cones(points.origins).widened(SUN_RADIUS)
             towards = cones.directions(_SUN_RAYS)
-            row, ray = np.nonzero(np.einsum("srj,sj->sr", towards, points.frames[:, 2]) > 0)
+            row, ray = np.nonzero(np.einsum("srj,sj->sr", towards, points.normals) > 0)
             pairs.append((row, towards[row, ray], cones.flux[row] / _SUN_RAYS, cones.lengths(towards)[row, ray]))
         row, towards, flux, ends = (np.concatenate(each) for each in zip(*pairs, strict=True))
         clear = ~self.occluder.blocked(points.origins[row], towards, ends)
@@ -113,5 +121,5 @@ class SendingSurfaces:
         wi = np.einsum("sij,sj->si", points.frames[row], towards)
         own = None if tint is None else torch.from_numpy(tint[row])
         f = values_under(reflectance, own, torch.from_numpy(wi), torch.from_numpy(view[row])).double().numpy()
-        sent = f * wi[:, 2:] * flux
+        sent = f * wi[:, 2:].clip(0) * flux
         return np.stack([np.bincount(row, sent[:, c], len(view)) for c in range(3)], 1)

@@ -90,10 +90,19 @@ class Sun:
 
 @dataclass(frozen=True)
 class LitPoints:
-    """Points that lights shine on: `origins` (S, 3) that rays start from, and `frames` (S, 3, 3) of their surface."""
+    """Points that lights shine on: `origins` (S, 3) that rays start from, and `frames` (S, 3, 3) of their surface.
+
+    Where a normal map tilts the frames, `horizon` (S, 3) are the surface's own normals.
+    """
 
     origins: np.ndarray
     frames: np.ndarray
+    horizon: np.ndarray | None = None
+
+    @property
+    def normals(self) -> np.ndarray:
+        """Those of the surface (S, 3), above which light arrives."""
+        return self.frames[:, 2] if self.horizon is None else self.horizon
 
     @classmethod
     def on(cls, mesh: Mesh, points: SurfacePoints, offset: float) -> "LitPoints":
@@ -102,7 +111,8 @@ class LitPoints:
         shares = points.shares[..., None]
         flat = (corners * shares).sum(1)
         above = ((corners - flat[:, None]) * normals).sum(2, keepdims=True).clip(0)
-        return cls(flat + (shares * above * normals).sum(1) + offset * points.frames[:, 2], points.frames)
+        origins = flat + (shares * above * normals).sum(1) + offset * points.normals
+        return cls(origins, points.frames, points.horizon)
 
     def seen(
         self, lights: Sequence[RoundLight], occluder: Occluder, samples: int, seed: int | None = None
@@ -115,11 +125,11 @@ class LitPoints:
         for number, light in enumerate(lights):
             turns = None if seed is None else np.random.default_rng(seed).random(len(self.origins)) * (2 * math.pi)
             for rows in _parts(len(self.origins), samples):
-                cones, normals = light.cones(self.origins[rows]), self.frames[rows, 2]
+                cones, normals = light.cones(self.origins[rows]), self.normals[rows]
                 near = np.flatnonzero((normals * cones.middle).sum(1) > -np.sin(cones.radius))
                 cones, at = cones.only(near), rows[near]
                 w = cones.directions(samples, None if turns is None else turns[at])
-                above = np.einsum("sj,srj->sr", self.frames[at, 2], w) > 0
+                above = np.einsum("sj,srj->sr", self.normals[at], w) > 0
                 starts, ends = np.broadcast_to(self.origins[at, None], w.shape), cones.lengths(w)
                 clear = above.copy()
                 clear[above] = ~occluder.blocked(starts[above], w[above], ends[above])
@@ -206,10 +216,12 @@ class Sunlight:
                 rows, f = lit[part], np.zeros((len(part), 3))
                 cones = light.cones(places[rows])
                 w, parts = self._asked(cones, count, points.frames[rows], points.wo[rows])
+                # Directions above a tilted normal may be under the surface's own horizon.
+                above = np.einsum("snj,sj->sn", w, points.normals[rows]) > 0
                 for table in self.tables:
                     times = np.ones((len(part), 1)) if tint is None else table.under(tint[rows], points.wo[rows])
                     for k in range(w.shape[1]):
-                        on = np.flatnonzero(parts[:, k])
+                        on = np.flatnonzero(parts[:, k] * above[:, k])
                         each = reflected(table, w[on, k], points.frames[rows[on]], points.wo[rows[on]])
                         f[on] += each * times[on] * parts[on, k, None]
                 found[rows] += f * seen[rows, number, None] * cones.irradiance
@@ -260,7 +272,7 @@ def summed(
             w, flux = cones.directions(count), cones.flux / count
             ends = cones.lengths(w)
             for k in range(count):
-                lit = np.flatnonzero(((points.frames[rows, 2] * w[:, k]).sum(1) > 0) & (wo[rows, 2] > 0))
+                lit = np.flatnonzero(((points.normals[rows] * w[:, k]).sum(1) > 0) & (wo[rows, 2] > 0))
                 lit = lit[~occluder.blocked(points.origins[rows[lit]], w[lit, k], ends[lit, k])]
                 at = rows[lit]
                 own = None if tint is None else tint[at]

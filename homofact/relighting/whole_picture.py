@@ -68,7 +68,7 @@ def picture_likeness(
     for number, placed in enumerate(scene.objects):
         try:
             given = (placed.reflectance, scene.occluder, camera, None)
-            found = seen_pixels(meshes, number, *given, tint=placed.tint)
+            found = seen_pixels(meshes, number, *given, tint=placed.tint, bumps=placed.bumps)
         except BadInput:
             continue
         seen.append((objects[number], found))

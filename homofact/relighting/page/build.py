@@ -34,9 +34,11 @@ from homofact.relighting.page.order import cached_order
 from homofact.relighting.page.skies import PageSky
 from homofact.relighting.precompute import WaveletTransport
 from homofact.relighting.sunlight import Sunlight
+from homofact.relighting.tilted_view import TiltedView
 from homofact.rendering.tonemap import encode_srgb
 from homofact.scene.cameras import Camera
 from homofact.scene.meshes import faded
+from homofact.scene.normal_map import SurfaceNormals
 from homofact.scene.tint import SurfaceTint
 from homofact.web.packing import boxed, differences, halves, pack
 from homofact.web.scene_page import Numbers, write_scene_page
@@ -45,8 +47,8 @@ PACKAGE = "homofact.relighting.page"
 SHARED = ("hdr.js", "latlong.js")
 SCRIPTS = (
     "cube.js", "sky.js", "turner.js", "tint.js", "lobe.js", "suns.js", "transport.js", "relit.js", "shade.js",
-    "lobe_gpu.js", "suns_gpu.js", "lamps_gpu.js", "shaders.js", "gpu.js", "background.js", "stage.js", "highlights.js",
-    "camera.js", "readings.js", "controls.js", "page.js",
+    "lobe_gpu.js", "bumps.js", "suns_gpu.js", "lamps_gpu.js", "shaders.js", "gpu.js", "background.js", "stage.js",
+    "highlights.js", "camera.js", "readings.js", "controls.js", "page.js",
 )  # fmt: skip
 # Endings of files that a name is shown without.
 _ENDINGS = (".ply", ".obj", ".gltf", ".glb", ".hdr", ".exr")
@@ -58,7 +60,8 @@ CAMERA = Camera((0.0, 0.5, 3.4), field=36.0)
 class PageObject:
     """A mesh with the transport at its vertices, and the separate `lobe` of its material where it has one.
 
-    From distances `fade` (near, far) of the y axis on it ends softly. `tint` is what a texture makes of its material.
+    From distances `fade` (near, far) of the y axis on it ends softly. `tint` is what a texture makes of its material,
+    `bumps` its normal map, and `tilted` what tilted normals make of the terms.
     """
 
     name: str
@@ -69,6 +72,8 @@ class PageObject:
     lobe: SeparateLobe | None = None
     sunlight: Sunlight | None = None
     tint: SurfaceTint | None = None
+    bumps: SurfaceNormals | None = None
+    tilted: TiltedView | None = None
 
     @property
     def basis(self) -> WaveletTransport:
@@ -97,7 +102,7 @@ def page_objects(objects: Sequence[RelitObject]) -> list[PageObject]:
         if isinstance(made, Harmonic):
             made = made.clustered()
         name, material = shown_name(each.mesh.name), shown_name(each.material)
-        more = (faded(each.mesh), each.lobe, each.sunlight, each.tint)
+        more = (faded(each.mesh), each.lobe, each.sunlight, each.tint, each.bumps, each.tilted)
         found.append(PageObject(name, each.mesh, made, material, *more))
     return found
 
@@ -195,7 +200,8 @@ def _object(given: PageObject, colours: np.ndarray | None) -> dict[str, Any]:
             "steps": pack(transport.steps),
         }
     view, few = transport.factors.packed_view, coarse_triangles(mesh)
-    beside = [each for each in (given.lobe, given.sunlight, given.tint) if each is not None]
+    parts = (given.lobe, given.sunlight, given.tint, given.bumps, given.tilted)
+    beside = [each for each in parts if each is not None]
     return {
         "name": given.name,
         "material": given.material,
@@ -215,6 +221,7 @@ def _object(given: PageObject, colours: np.ndarray | None) -> dict[str, Any]:
         "lobe": None if given.lobe is None else _lobe(given.lobe),
         "sunlight": None if given.sunlight is None else _sunlight(given.sunlight, mesh.positions),
         "tint": None if given.tint is None else _tint(given.tint, transport.factors.tinted),
+        "bumps": None if given.bumps is None or given.tilted is None else _bumps(given.bumps, given.tilted),
         "bytes": transport.nbytes + sum(each.nbytes for each in beside),
     }
 
@@ -242,19 +249,40 @@ def _sunlight(lit: Sunlight, positions: np.ndarray) -> dict[str, Any]:
 
 def _tint(tint: SurfaceTint, terms: int) -> dict[str, Any]:
     """The texture, of at most `MOST_TEXELS` a side, as bytes by sRGB's curve of parts of its largest tint."""
-    texels = tint.tints.astype(np.float64)
-    while max(texels.shape[:2]) > MOST_TEXELS:
-        # Means of two along each side that is too long; an odd row or column is left out.
-        across = [2 if size > MOST_TEXELS else 1 for size in texels.shape[:2]]
-        rows, columns = (size // step for size, step in zip(texels.shape[:2], across, strict=True))
-        even = texels[: rows * across[0], : columns * across[1]]
-        texels = even.reshape(rows, across[0], columns, across[1], 3).mean((1, 3))
+    texels = _smaller(tint.tints.astype(np.float64))
     scale = texels.max((0, 1)).clip(1e-12)
     codes = np.rint(255 * encode_srgb(torch.from_numpy(texels / scale)).numpy()).astype(np.uint8)
     return {
         "height": texels.shape[0], "width": texels.shape[1], "scale": scale.tolist(), "texels": pack(codes),
         "uv": pack((tint.uv - np.floor(tint.uv.min(0))).astype(np.float32)), "terms": terms,
     }  # fmt: skip
+
+
+def _bumps(bumps: SurfaceNormals, tilted: TiltedView) -> dict[str, Any]:
+    """The normal map, of at most `MOST_TEXELS` a side, as bytes of which 128 is 0; and what tilted normals do."""
+    normals = _smaller(bumps.vectors.astype(np.float64))
+    normals /= np.linalg.norm(normals, axis=2, keepdims=True).clip(1e-6)
+    return {
+        "height": normals.shape[0], "width": normals.shape[1],
+        "texels": pack(np.rint(127 * normals + 128).astype(np.uint8)),
+        "uv": pack((bumps.uv - np.floor(bumps.uv.min(0))).astype(np.float32)),
+        "tangents": pack(bumps.tangents.astype(np.float32)), "reach": tilted.reach, "nodes": len(tilted.tilts),
+        "view": pack(np.ascontiguousarray(tilted.view.transpose(1, 2, 0, 3))), "tilts": pack(tilted.tilts),
+        "entries": pack(tilted.entries),
+    }  # fmt: skip
+
+
+def _smaller(texels: np.ndarray) -> np.ndarray:
+    """A texture (H, W, 3) of at most `MOST_TEXELS` a side: means of two along each side that is too long.
+
+    An odd row or column is left out.
+    """
+    while max(texels.shape[:2]) > MOST_TEXELS:
+        across = [2 if size > MOST_TEXELS else 1 for size in texels.shape[:2]]
+        rows, columns = (size // step for size, step in zip(texels.shape[:2], across, strict=True))
+        even = texels[: rows * across[0], : columns * across[1]]
+        texels = even.reshape(rows, across[0], columns, across[1], 3).mean((1, 3))
+    return texels
 
 
 def _triangles(triangles: np.ndarray) -> dict[str, str]:

@@ -3,6 +3,8 @@
 // The attributes that number the vertices of a surface of chosen ones, and the corners of a triangle; of textures what is
 // shone where the tint is 1, the tint, and the place in the texture.
 const NUMBER = 6, CORNERS = 7, TINTED = 8, TINT = 9, PLACE = 10;
+// Of normal maps the tangent with the sign of the binormal, and the vertex's mapped normal.
+const ALONG = 11, MAPPED = 12;
 
 /** The values (`width` a vertex) of the chosen vertices; all where none are chosen. */
 function picked(values, width, chosen) {
@@ -45,6 +47,7 @@ class Surface {
     gl.bindVertexArray(this.shading);
     const given = [object.positions, object.normals, object.tangents].map((values, place) => [place, 3, fill(place, 3, picked(values, 3, chosen))]);
     if (chosen) given.push([NUMBER, 1, fill(NUMBER, 1, chosen)]);
+    if (object.bumps) given.push([MAPPED, 3, fill(MAPPED, 3, picked(object.bumps.mapped, 3, chosen))]);
     this.drawing = gl.createVertexArray();
     gl.bindVertexArray(this.drawing);
     for (const each of given) attribute(...each);
@@ -53,10 +56,11 @@ class Surface {
       attribute(4, 3, this.colours, 24);
       attribute(TINTED, 3, this.colours, 24, 12);
       fill(TINT, 3, picked(object.tint.vertices, 3, chosen));
-      fill(PLACE, 2, picked(object.tint.uv, 2, chosen));
     } else {
       this.colours = fill(4, 3, 12 * this.vertices, gl.DYNAMIC_COPY);
     }
+    if (object.tint || object.bumps) fill(PLACE, 2, picked((object.tint ?? object.bumps).uv, 2, chosen));
+    if (object.bumps) fill(ALONG, 4, picked(object.bumps.tangents, 4, chosen));
     if (corners) fill(CORNERS, 3, corners);
     if (object.reference && !corners) {
       fill(3, 3, picked(object.reference, 3, chosen));
@@ -67,6 +71,17 @@ class Surface {
     gl.bindVertexArray(null);
     gl.bindBuffer(gl.ARRAY_BUFFER, null);
   }
+}
+
+/** View maps, a texel's numbers side by side, as layers of four numbers a texel. */
+function viewLayers(texels, size, channels) {
+  const terms = texels.length / channels / size ** 2, layers = new Float32Array(4 * terms * size * size);
+  for (let t = 0; t < size * size; t++) {
+    for (let k = 0; k < terms; k++) {
+      for (let c = 0; c < 3; c++) layers[4 * (k * size * size + t) + c] = texels[(t * terms + k) * channels + (channels === 3 ? c : 0)];
+    }
+  }
+  return layers;
 }
 
 class ObjectOnGpu {
@@ -80,7 +95,18 @@ class ObjectOnGpu {
     this.makeTuples();
     this.lobe = object.lobe ? new LobeOnGpu(gl, object.lobe) : null;
     this.tint = object.tint ? new TintOnGpu(gl, object.tint) : null;
+    this.bumps = object.bumps ? new BumpsOnGpu(gl, object) : null;
     this.sunTables = object.sunlight?.tables.map((table) => ({ ...table, texture: tableTexture(gl, table) }));
+  }
+
+  /** Whether pixels have the terms: where the page is to do so and the K-tuples fit. */
+  pixelwise({ state }) {
+    return state.interpolation === "pixel" && this.byPixel;
+  }
+
+  /** Whether pixels have more than what is mixed from vertices: a separate lobe, or a normal map. */
+  get fine() {
+    return Boolean(this.lobe || this.bumps);
   }
 
   /** The triangles to draw: the few where there are any and they are asked for. */
@@ -100,13 +126,7 @@ class ObjectOnGpu {
 
   /** The view maps as layers of a texture; one channel is grey. */
   makeMaps() {
-    const { gl } = this, { size, channels, texels } = this.object.map, { terms } = this.object;
-    const layers = new Float32Array(4 * terms * size * size);
-    for (let t = 0; t < size * size; t++) {
-      for (let k = 0; k < terms; k++) {
-        for (let c = 0; c < 3; c++) layers[4 * (k * size * size + t) + c] = texels[(t * terms + k) * channels + (channels === 3 ? c : 0)];
-      }
-    }
+    const { gl } = this, { size, channels, texels } = this.object.map, { terms } = this.object, layers = viewLayers(texels, size, channels);
     this.maps = makeTexture(gl, gl.TEXTURE_2D_ARRAY, gl.LINEAR);
     gl.texImage3D(gl.TEXTURE_2D_ARRAY, 0, gl.linearFloats ? gl.RGBA32F : gl.RGBA16F, size, size, terms, 0, gl.RGBA, gl.FLOAT, layers);
   }
@@ -128,20 +148,21 @@ class ObjectOnGpu {
     gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, this.width, this.height, gl.RGBA, gl.FLOAT, this.padded);
   }
 
-  /** Whether K-tuples fit beside the rest into what a vertex may pass to pixels. */
+  /** Whether K-tuples fit beside the rest into what a vertex may pass to pixels; those of a normal map are never passed. */
   get byPixel() {
-    return this.object.quads + (this.lobe ? 6 : 5) + (this.tint ? 3 : 0) <= this.gl.getParameter(this.gl.MAX_VARYING_VECTORS);
+    return !this.bumps && this.object.quads + (this.lobe ? 6 : 5) + (this.tint ? 3 : 0) <= this.gl.getParameter(this.gl.MAX_VARYING_VECTORS);
   }
 
   /**
    * The program for surfaces: "COLOURED" by what their vertices were shaded with, "BY_PIXEL" or both, "COMPARED" too; or
    * for shading vertices, "SHADES", "ALONE" of a separate lobe, "TERMS" of the others; "CHOSEN" of a surface that
-   * is not the whole one. "BETWEEN": by what vertices were shaded with or "BY_PIXEL", and such a lobe by pixel.
+   * is not the whole one. "BETWEEN": by what vertices were shaded with or "BY_PIXEL", and such a lobe by pixel; with a
+   * normal map the terms too. "TILTED" shades vertices with their mapped normals.
    */
   program(...kinds) {
     const { gl, object } = this, key = kinds.join();
     if (!this.programs.has(key)) {
-      const defines = Object.fromEntries([["QUADS", object.quads], ...kinds.map((kind) => [kind, 1]), ...(object.fade ? [["FADES", 1]] : []), ...(object.sunlight ? [["SUNS", 1]] : []), ...(object.tint ? [["TINTED", 1]] : [])]);
+      const defines = Object.fromEntries([["QUADS", object.quads], ...kinds.map((kind) => [kind, 1]), ...(object.fade ? [["FADES", 1]] : []), ...(object.sunlight ? [["SUNS", 1]] : []), ...(object.tint ? [["TINTED", 1]] : []), ...(object.bumps ? [["BUMPED", 1]] : [])]);
       const [vertex, fragment] = kinds[0] === "SHADES" ? [shadeVertex(object), NOTHING] : [surfaceVertex(object), surfaceFragment(object, kinds.includes("BETWEEN"), object.lights)];
       this.programs.set(key, makeProgram(gl, shaderText(vertex, defines), shaderText(fragment, defines), object.name, { kept: kinds[0] === "SHADES" ? (object.tint ? ["v_colour", "v_tinted"] : "v_colour") : null }));
     }
@@ -164,8 +185,8 @@ class ObjectOnGpu {
 
   /** Shades every vertex of a surface once, into the buffer that drawing reads: of the terms too unless pixels have them. */
   shade(view, coarse = false) {
-    const alone = this.lobe && view.state.interpolation === "pixel";
-    this.shadeSurface(view, this.surface(coarse), ...(alone ? ["ALONE"] : []));
+    const alone = this.lobe && this.pixelwise(view);
+    this.shadeSurface(view, this.surface(coarse), ...(alone ? ["ALONE"] : []), ...(this.bumps && view.shown !== "picture" ? ["TILTED"] : []));
   }
 
   shadeSurface(view, surface, ...kinds) {
@@ -174,6 +195,7 @@ class ObjectOnGpu {
     gl.useProgram(program.program);
     this.bind(program, view);
     this.lobe?.bind(program, view.stage.cells);
+    this.bumps?.bind(program);
     gl.bindVertexArray(surface.shading);
     gl.bindTransformFeedback(gl.TRANSFORM_FEEDBACK, this.feedback);
     gl.bindBufferBase(gl.TRANSFORM_FEEDBACK_BUFFER, 0, surface.colours);

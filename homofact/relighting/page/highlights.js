@@ -1,4 +1,4 @@
-// Separate lobes at each pixel of a picture at rest: strip by strip over the one that has them at vertices.
+// Separate lobes and normal maps at each pixel of a picture at rest: strip by strip over the one that has them at vertices.
 
 // A frame's share for strips, in milliseconds; milliseconds a pixel until some were measured.
 const STRIP_BUDGET = 40, FIRST_PACE = 0.03;
@@ -20,7 +20,7 @@ class Highlights {
   /** Begins anew, a frame later. A reference is known at vertices: beside it the lobe stays there too. */
   begin() {
     this.stop();
-    if (!this.wanted || !this.view.stage.cells || this.view.shown !== "picture") return;
+    if (!this.wanted || !this.view.stage.objects.some((each) => each.fine) || this.view.shown !== "picture") return;
     this.covered = null;
     this.ask();
   }
@@ -82,8 +82,8 @@ class Highlights {
 /** About how many pixels lobes cover in each row of the picture, from below: their triangles' area. */
 function coveredRows({ objects, canvas, radius }, orbit) {
   const { width, height } = canvas, covered = new Float64Array(height), m = orbit.matrix(width / height, radius);
-  for (const { object, lobe } of objects) {
-    if (!lobe) continue;
+  for (const { object, fine } of objects) {
+    if (!fine) continue;
     const { positions, triangles } = object, x = new Float32Array(object.vertices), y = new Float32Array(object.vertices);
     for (let v = 0, p = 0; v < x.length; v++, p += 3) {
       const at = (k) => m[k] * positions[p] + m[4 + k] * positions[p + 1] + m[8 + k] * positions[p + 2] + m[12 + k];

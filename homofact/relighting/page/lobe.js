@@ -119,13 +119,13 @@ function seenPart(sight, first, at, size) {
 
 /** Adds the lobe's radiance towards the eye to an object's vertices (3 V); nothing where one is seen from behind. */
 function addLobe(object, eye, cells, found) {
-  const { positions, normals, tangents, vertices } = object, towards = [0, 0, 0];
+  const { positions, vertices } = object, { normals, tangents } = shadingFrames(object, eye), towards = [0, 0, 0];
   for (let p = 0; p < 3 * vertices; p += 3) {
     for (let k = 0; k < 3; k++) towards[k] = eye[k] - positions[p + k];
     const length = Math.hypot(...towards), [dx, dy, dz] = towards.map((x) => x / length);
     const n = normals.subarray(p, p + 3), t = tangents.subarray(p, p + 3);
     const oz = n[0] * dx + n[1] * dy + n[2] * dz;
-    if (oz <= 0) continue;
+    if (oz <= 0 || dot(object.normals.subarray(p, p + 3), [dx, dy, dz]) <= 0) continue;
     const b = [n[1] * t[2] - n[2] * t[1], n[2] * t[0] - n[0] * t[2], n[0] * t[1] - n[1] * t[0]];
     const ox = t[0] * dx + t[1] * dy + t[2] * dz, oy = b[0] * dx + b[1] * dy + b[2] * dz, across = Math.hypot(ox, oy);
     // The frame is turned so that the viewer's azimuth is 0.

@@ -115,15 +115,22 @@ ${turns === 1 ? `            vec3 f = mix(tableAt(at, 0, low), tableAt(at, 0, lo
 }
 `;
 
-/** `lobeBetween(position, normal)`: the lobe at a pixel of a triangle (picture.py, tangents.py). */
-const lobeBetween = (lobe) => `
+/** The corners of a pixel's triangle and their shares, and what a separate lobe adds to them. */
+const cornersOf = (lobe) => `
 flat in highp uvec3 v_corners;
 centroid in vec3 v_share;
+${lobe ? lobeBetween(lobe) : ""}`;
+
+/** `lobeBetween(position, normal)`: the lobe at a pixel of a triangle (picture.py, tangents.py). */
+const lobeBetween = (lobe) => `
 ${lobeSum(lobe, true)}
 vec3 lobeBetween(vec3 position, vec3 normal) {
   vec3 w = normalize(u_eye - position), n = normalize(normal);
   // A normal that is turned away, at an outline, is bent back until it is seen.
   n = normalize(n + max(${BENT} - dot(n, w), 0.0) * w);
+#ifdef BUMPED
+  n = mappedNormal(n, w);
+#endif
   vec3 tangent = vec3((n.y + 1.0) * (n.y + 1.0) + n.z * n.z - n.x * n.x, -2.0 * (n.y + 1.0) * n.x, -2.0 * n.x * n.z);
   return lobe(position, n, n.y > -0.999999 ? normalize(tangent) : vec3(1.0, 0.0, 0.0));
 }

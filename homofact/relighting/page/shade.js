@@ -2,6 +2,7 @@
 
 /** Radiance (3 V) of an object's vertices towards the eye; 0 where one is seen from behind. Residues stay negative. */
 function shade(object, eye, terms) {
+  if (object.bumps) return shadeTilted(object, eye, terms);
   const { positions, normals, tangents, vertices, tuples, map, tinted } = object, tints = object.tint?.vertices;
   const { size, channels, texels } = map, count = Math.min(terms, object.terms), all = object.terms * channels;
   const found = new Float32Array(3 * vertices), stride = 4 * object.quads, [green, blue] = channels === 3 ? [1, 2] : [0, 0];

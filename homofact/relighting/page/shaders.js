@@ -44,9 +44,9 @@ const fetched = (quads, to) => Array.from({ length: quads }, (_, q) => `  ${to}[
 
 /**
  * Shades each vertex once; v_colour is what transform feedback keeps, and v_tinted, which a texture's tint multiplies. "ALONE":
- * of the separate lobe alone; "TERMS": without it.
+ * of the separate lobe alone; "TERMS": without it; "TILTED": with the normals of a normal map.
  */
-const shadeVertex = ({ terms, tinted, quads, lobe }) => `
+const shadeVertex = ({ terms, tinted, quads, lobe, bumps }) => `
 layout(location = 0) in vec3 a_position;
 layout(location = 1) in vec3 a_normal;
 layout(location = 2) in vec3 a_tangent;
@@ -55,16 +55,31 @@ out vec3 v_colour;
 out vec3 v_tinted;
 #endif
 ${TUPLES}${viewMaps({ terms, tinted })}${lobe ? lobeSum(lobe) : ""}
+${bumps ? `#ifdef TILTED
+layout(location = 12) in vec3 a_mapped;
+${tiltedTerms({ bumps, tinted, quads })}
+#endif` : ""}
 void main() {
+  vec3 normal = a_normal, tangent = a_tangent;
+#ifdef TILTED
+  vec3 w = normalize(u_eye - a_position);
+  normal = normalize(a_mapped + max(${BENT} - dot(a_mapped, w), 0.0) * w);
+  tangent = vec3((normal.y + 1.0) * (normal.y + 1.0) + normal.z * normal.z - normal.x * normal.x, -2.0 * (normal.y + 1.0) * normal.x, -2.0 * normal.x * normal.z);
+  tangent = normal.y > -0.999999 ? normalize(tangent) : vec3(1.0, 0.0, 0.0);
+#endif
 #ifdef ALONE
   v_colour = vec3(0.0);
+#elif defined(TILTED)
+  tiltedAt(NUMBER, 1.0, normal, w);
+  v_colour = tiltedSum;
+  tinted = tiltedTints;
 #else
   vec4 t[QUADS];
 ${fetched(quads, "t")}
   v_colour = outgoing(a_position, a_normal, a_tangent, t);
 #endif
 ${lobe ? `#ifndef TERMS
-  vec3 own = lobe(a_position, a_normal, a_tangent);
+  vec3 own = lobe(a_position, normal, tangent);
 ${lobe.tinted ? "  tinted += own * lobeTinted;\n  own *= 1.0 - lobeTinted;" : ""}
   v_colour += own;
 #endif` : ""}
@@ -81,10 +96,10 @@ const NOTHING = "void main() {}";
  * By vertex "COLOURED" with what was shaded; "BY_PIXEL" too where that is a separate lobe; "BETWEEN" the corners
  * of triangles that share none, such a lobe by pixel.
  */
-const surfaceVertex = ({ quads, lobe }) => `
+const surfaceVertex = ({ quads, lobe, bumps }) => `
 layout(location = 0) in vec3 a_position;
 uniform mat4 u_camera;
-${lobe ? `// Drawn again over itself: the same depth each time.
+${lobe || bumps ? `// Drawn again over itself: the same depth each time.
 invariant gl_Position;` : ""}
 #if defined(BY_PIXEL) || defined(BETWEEN) || defined(SUNS)
 layout(location = 1) in vec3 a_normal;
@@ -108,14 +123,23 @@ out vec3 v_colour;
 #ifdef TINTED
 layout(location = 8) in vec3 a_tinted;
 layout(location = 9) in vec3 a_tint;
-layout(location = 10) in vec2 a_place;
 #ifdef COLOURED
 out vec3 v_tinted;
 #endif
 #ifdef COMPARED
 out vec3 v_tint;
-#else
+#endif
+#endif
+#if defined(TINTED) || defined(BUMPED)
+layout(location = 10) in vec2 a_place;
 out vec2 v_place;
+#endif
+#ifdef BUMPED
+layout(location = 11) in vec4 a_along;
+out vec4 v_along;
+#ifdef COMPARED
+layout(location = 12) in vec3 a_mapped;
+out vec3 v_mapped;
 #endif
 #endif
 #if defined(BY_PIXEL) || defined(BETWEEN) || defined(FADES) || defined(SUNS)
@@ -149,8 +173,15 @@ ${fetched(quads, "v_tuple")}
 #endif
 #ifdef COMPARED
   v_tint = a_tint;
-#else
+#endif
+#endif
+#if defined(TINTED) || defined(BUMPED)
   v_place = a_place;
+#endif
+#ifdef BUMPED
+  v_along = a_along;
+#ifdef COMPARED
+  v_mapped = a_mapped;
 #endif
 #endif
 #if defined(BY_PIXEL) || defined(BETWEEN) || defined(FADES) || defined(SUNS)
@@ -184,13 +215,15 @@ vec3 compared(vec3 own, vec3 shown) {
 }
 `;
 
-const surfaceFragment = ({ terms, tinted, lobe, sunlight }, between, lights) => `
+const surfaceFragment = ({ terms, tinted, lobe, sunlight, bumps, quads }, between, lights) => `
+#if defined(TINTED) || defined(BUMPED)
+in vec2 v_place;
+#endif
 #ifdef TINTED
 // A reference is known at vertices: beside it the texture is too.
 #ifdef COMPARED
 in vec3 v_tint;
 #else
-in vec2 v_place;
 uniform highp sampler2D u_tint;
 uniform vec3 u_tint_scale;
 #endif
@@ -216,7 +249,11 @@ in vec3 v_tinted;
 #if defined(BY_PIXEL) || defined(BETWEEN) || defined(FADES) || defined(SUNS)
 in vec3 v_position;
 #endif
-${between ? lobeBetween(lobe) : ""}
+${MAPPED_NORMAL}
+${between ? cornersOf(lobe) : ""}
+${between && bumps ? `uniform highp sampler2D u_tuples;
+uniform int u_terms;
+${tiltedTerms({ bumps, tinted, quads })}` : ""}
 ${sunlight ? lightSum(sunlight, lights) : ""}
 uniform int u_signal;
 uniform vec2 u_fade;
@@ -254,9 +291,13 @@ void main() {
 #endif
 #ifdef BETWEEN
   if (gl_FrontFacing) {
-    vec3 lit = lobeBetween(v_position, v_normal);
-    own += ${lobe?.tinted ? "lit * (1.0 + lobeTinted * (tint - 1.0))" : "lit"};
-  }
+${bumps ? `    vec3 w = normalize(u_eye - v_position), n = normalize(v_normal);
+    n = mappedNormal(normalize(n + max(${BENT} - dot(n, w), 0.0) * w), w);
+    for (int c = 0; c < 3; c++) tiltedAt(int(v_corners[c]), v_share[c], n, w);
+    own += tiltedSum + tiltedTints * ${tinted.some(Boolean) ? "tint" : "1.0"};
+` : ""}${lobe ? `    vec3 lit = lobeBetween(v_position, v_normal);
+    own += ${lobe.tinted ? "lit * (1.0 + lobeTinted * (tint - 1.0))" : "lit"};
+` : ""}  }
 #endif
 #ifdef SUNS
   if (gl_FrontFacing) own += besideSky(v_position, v_normal);

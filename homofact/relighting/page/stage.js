@@ -42,7 +42,7 @@ class Stage {
    */
   draw(view, smooth = true, coarse = false) {
     const { gl } = this, { width, height } = this.canvas;
-    for (const each of this.objects) if (each.lobe || view.state.interpolation === "vertex") each.shade(view, coarse);
+    for (const each of this.objects) if (each.lobe || !each.pixelwise(view)) each.shade(view, coarse);
     this.shadows?.draw(view.state.turn);
     if (coarse && !smooth) this.drawSmallSky(view, width, height);
     gl.bindFramebuffer(gl.FRAMEBUFFER, smooth ? this.smoothFrame(width, height) : null);
@@ -69,7 +69,7 @@ class Stage {
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
   }
 
-  /** Draws rows of separate lobes once more, summed at each pixel, over the smooth picture that is there. */
+  /** Draws rows of separate lobes and of normal maps once more, computed at each pixel, over the smooth picture that is there. */
   drawBetween(view, from, rows) {
     const { gl } = this, { width, height } = this.canvas;
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.smoothFrame(width, height));
@@ -79,7 +79,7 @@ class Stage {
     gl.enable(gl.DEPTH_TEST);
     // Only what is seen.
     gl.depthFunc(gl.LEQUAL);
-    for (const each of this.objects) if (each.lobe) this.drawObject(view, each, width, height, false, true);
+    for (const each of this.objects) if (each.fine) this.drawObject(view, each, width, height, false, true);
     gl.depthFunc(gl.LESS);
     gl.disable(gl.SCISSOR_TEST);
     gl.bindVertexArray(null);
@@ -88,8 +88,7 @@ class Stage {
 
   /** What vertices shine for `drawBetween`: the terms alone. */
   shadeBetween(view) {
-    if (view.state.interpolation === "pixel") return;
-    for (const each of this.objects) if (each.lobe) each.shadeSurface(view, each.corners, "TERMS");
+    for (const each of this.objects) if (each.lobe && !each.bumps && !each.pixelwise(view)) each.shadeSurface(view, each.corners, "TERMS");
   }
 
   /** The sky alone, by way of a picture of at most `SMALL` rows: its own texels are larger. */
@@ -161,14 +160,16 @@ class Stage {
 
   drawObject(view, each, width, height, coarse = false, between = false) {
     const { gl } = this, { state, orbit } = view, { object } = each;
-    const byPixel = state.interpolation === "pixel", compared = view.shown !== "picture";
+    // Under a normal map pixels have terms of their own.
+    const tilted = between && each.bumps, byPixel = each.pixelwise(view), compared = view.shown !== "picture";
     const surface = between ? each.corners : each.surface(coarse), chosen = byPixel && surface !== each.whole;
-    const coloured = between ? !byPixel : !byPixel || each.lobe;
+    const coloured = between ? !byPixel && !tilted : !byPixel || each.lobe;
     const program = each.program(...(byPixel ? ["BY_PIXEL"] : []), ...(coloured ? ["COLOURED"] : []), ...(chosen ? ["CHOSEN"] : []), ...(compared ? ["COMPARED"] : []), ...(between ? ["BETWEEN"] : []));
     gl.useProgram(program.program);
     this.tones(view, program);
     if (byPixel || between) each.bind(program, view);
-    if (between) each.lobe.bind(program, this.cells);
+    if (between) each.lobe?.bind(program, this.cells);
+    each.bumps?.bind(program);
     if (each.tint && !compared) each.tint.bind(program);
     if (each.sunTables) {
       this.shadows.bind(program, each.sunTables, object.sunlight, view.shining);

@@ -93,11 +93,12 @@ function tableValue({ width, nodes, values }, grids, hx, hy) {
 
 /** Adds the radiance of the lights that are on to an object's vertices (3 V). Of turned suns no shadows are known here. */
 function addLights(object, eye, lights, turn, on, found) {
-  const { positions, normals, tangents, vertices, sunlight } = object;
+  const { positions, vertices, sunlight } = object, { normals, tangents } = shadingFrames(object, eye);
   for (let v = 0, p = 0; v < vertices; v++, p += 3) {
     const n = normals.subarray(p, p + 3), t = tangents.subarray(p, p + 3);
     const w = normalized([0, 1, 2].map((k) => eye[k] - positions[p + k])), facing = dot(n, w);
-    if (facing <= 0) continue;
+    const horizon = object.normals.subarray(p, p + 3);
+    if (facing <= 0 || dot(horizon, w) <= 0) continue;
     const b = cross(n, t), ox = dot(t, w), oy = dot(b, w), across = Math.hypot(ox, oy);
     const [c, s] = across > 1e-6 ? [ox / across, oy / across] : [1, 0];
     const oz = Math.max(facing, LEAST_COSINE), aside = facing < LEAST_COSINE ? Math.sin(STEEPEST) : across;
@@ -107,7 +108,7 @@ function addLights(object, eye, lights, turn, on, found) {
       const cone = coneAt(light, turn, positions.subarray(p, p + 3)), mirror = minus(scaled(Array.from(n), 2 * facing), w);
       for (const [d, part] of lightDirections(cone, sunlight.directions[q], mirror, sunlight.width)) {
         const short = (seen * part) / oz, z = dot(n, d), x = dot(t, d), y = dot(b, d);
-        if (z <= 0) continue;
+        if (z <= 0 || dot(horizon, d) <= 0) continue;
         const hx = (c * x + s * y + aside) / (z + oz), hy = (c * y - s * x) / (z + oz);
         for (const table of sunlight.tables) {
           const value = tableValue(table, tableAt(table, ox, oy, oz), hx, hy), factor = table.cosine ? short : short * z;

@@ -98,6 +98,11 @@ vec3 besideSky(vec3 position, vec3 normal) {
   vec3 w = normalize(u_eye - position), n = normalize(normal);
   // A normal that is turned away, at an outline, is bent back until it is seen.
   n = normalize(n + max(${BENT} - dot(n, w), 0.0) * w);
+  // Light arrives above the surface's own horizon.
+  vec3 horizon = n;
+#ifdef BUMPED
+  n = mappedNormal(n, w);
+#endif
   vec3 tangent = vec3((n.y + 1.0) * (n.y + 1.0) + n.z * n.z - n.x * n.x, -2.0 * (n.y + 1.0) * n.x, -2.0 * n.x * n.z);
   vec3 t = n.y > -0.999999 ? normalize(tangent) : vec3(1.0, 0.0, 0.0), b = cross(n, t);
   float oz = max(dot(n, w), ${Math.cos(STEEPEST).toFixed(9)});
@@ -122,7 +127,7 @@ vec3 besideSky(vec3 position, vec3 normal) {
       sent /= distance_ * distance_;
     }
     if (dot(n, middle) <= -sin(half_)) continue;
-    float seen = discSeen(q, position, n);
+    float seen = discSeen(q, position, horizon);
     if (seen <= 0.0) continue;
     f = vec3(0.0);
     int directions = u_light_directions[q];
@@ -147,7 +152,7 @@ vec3 besideSky(vec3 position, vec3 normal) {
         part = ${(2 * Math.PI).toFixed(9)} * cone / (float(of) * facing);
       }
       float z = dot(n, d);
-      if (z <= 0.0) continue;
+      if (z <= 0.0 || dot(horizon, d) <= 0.0) continue;
       h = vec2(dot(x, d) + across, dot(y, d)) / (z + oz);
       reflected = vec3(0.0);
 ${tables.map(tableLookUp).join("")}      f += part * reflected;

@@ -160,6 +160,8 @@ async function unpackTransport(packed, coefficients, lights) {
   // 16-bit numbers are at most 32767, so signs fit beside their magnitudes.
   const number = new Int16Array(arrays.sizes);
   for (let p = 0; p < number.length; p++) if (arrays.negative[p >> 3] & (128 >> (p & 7))) number[p] = -number[p];
+  const shape = geometry(packed, arrays.positions, arrays.turns), bumps = packed.bumps ? await unpackBumps(packed.bumps) : null;
+  if (bumps) bumps.mapped = mappedNormals(bumps, shape.normals);
   return new Transport({
     name: packed.name, material: packed.material, fade: packed.fade, closed: packed.closed, vertices: packed.vertices, terms: packed.terms,
     bounced: packed.bounced,
@@ -170,7 +172,7 @@ async function unpackTransport(packed, coefficients, lights) {
     lobe: lobe ? await unpackLobe(lobe, packed.vertices) : null,
     lights, sunlight: packed.sunlight ? await unpackSunlight(packed.sunlight) : null,
     tint: packed.tint ? await unpackTint(packed.tint) : null,
-    ...geometry(packed, arrays.positions, arrays.turns),
+    bumps, ...shape,
   });
 }
 
