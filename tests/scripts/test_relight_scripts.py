@@ -101,3 +101,18 @@ def test_textures_add_little_to_the_error(capsys: pytest.CaptureFixture[str], tm
     assert texture < plain + 1
     assert mean > 10 * texture
     assert read_png(tmp_path / "balls.png").shape == (60, 80, 3)
+
+
+def test_normal_maps_add_little_to_the_error(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    textures = importlib.import_module("scripts.relighting.relight_textures")
+    assert textures.main(["--short", "--normals", "--picture", str(tmp_path / "balls.png")]) == 0
+    header, _, row = [line for line in capsys.readouterr().out.splitlines() if line.startswith("|")]
+    names, values = ([cell.strip() for cell in line.strip("|").split("|")] for line in (header, row))
+    found = dict(zip(names, values, strict=True))
+    mapped, plain, flat, functions = (
+        float(found[name].rstrip("%")) for name in ("map", "no map", "as flat", "functions")
+    )
+    assert mapped < plain + 3
+    assert functions < 1
+    assert flat > 4
+    assert read_png(tmp_path / "balls.png").shape == (60, 80, 3)
