@@ -24,4 +24,14 @@ def written(path: Path) -> dict[str, Any]:
         r'<script type="application/json" id="data">(.*?)</script>', path.read_text(encoding="utf-8"), re.S
     )
     assert found is not None
-    return json.loads(found[1])
+    data = json.loads(found[1])
+    repeated = data.pop("repeated", [])
+
+    def inside(node: Any) -> Any:
+        if isinstance(node, list):
+            return [inside(each) for each in node]
+        if not isinstance(node, dict):
+            return node
+        return repeated[node["repeated"]] if "repeated" in node else {name: inside(each) for name, each in node.items()}
+
+    return inside(data)

@@ -12,6 +12,8 @@ from homofact.relighting.haar import transform_faces
 
 _NO_BITS = np.int32(0x7FFFFFFF)
 _LARGEST = np.float32(32767.0)
+# Steps of a stored number in the largest coefficient that is left out: finer ones would cost bytes for nothing.
+STEPS = np.float32(4.0)
 
 
 @kernel(nogil=True, inline="always")
@@ -160,21 +162,31 @@ def binned(
 def keep_largest(values: np.ndarray, kept: int, index: np.ndarray, number: np.ndarray) -> tuple:
     """(how many, scale): the `kept` largest of a vector (J,), as places and 16-bit numbers times the scale.
 
-    Of equals at the threshold the first are taken; what would be stored as 0 is left out.
+    Of equals at the threshold the first are taken; what would be stored as 0 is left out. The scale is the largest
+    coefficient left out over `STEPS`, so that rounding changes no number by more than an eighth of that coefficient;
+    or the largest of all over 32767, where that is more.
     """
     bits = values.view(np.int32)
     threshold = threshold_of(values, kept)
-    above = 0
-    largest = np.float32(0.0)
+    above, equal = 0, 0
+    largest, left_out, tied = np.float32(0.0), np.float32(0.0), np.float32(0.0)
     for j in range(len(values)):
         magnitude = bits[j] & _NO_BITS
+        size = abs(values[j])
         if magnitude > threshold:
             above += 1
-        largest = max(largest, abs(values[j]))
+        elif magnitude < threshold:
+            left_out = max(left_out, size)
+        else:
+            equal += 1
+            tied = size
+        largest = max(largest, size)
     if largest == 0:
         return 0, 0.0
     ties, count = kept - above, 0
-    scale = largest / _LARGEST
+    if equal > ties:
+        left_out = tied
+    scale = max(largest / _LARGEST, left_out / STEPS)
     for j in range(len(values)):
         magnitude = bits[j] & _NO_BITS
         if magnitude < threshold or magnitude == 0:
@@ -195,12 +207,15 @@ def keep_largest(values: np.ndarray, kept: int, index: np.ndarray, number: np.nd
 def keep_above(values: np.ndarray, weight: float, square: float, index: np.ndarray, number: np.ndarray) -> tuple:
     """(how many, scale) as `keep_largest`, of all whose weighted square is at least `square`."""
     count = 0
-    largest = np.float32(0.0)
+    largest, left_out = np.float32(0.0), np.float32(0.0)
     for each in values:
-        largest = max(largest, abs(each))
+        size = abs(each)
+        largest = max(largest, size)
+        if weight * weight * each * each < square:
+            left_out = max(left_out, size)
     if largest == 0:
         return 0, 0.0
-    scale = largest / _LARGEST
+    scale = max(largest / _LARGEST, left_out / STEPS)
     for j in range(len(values)):
         if weight * weight * values[j] * values[j] >= square:
             rounded = np.int16(round(values[j] / scale))

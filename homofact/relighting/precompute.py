@@ -126,8 +126,10 @@ class TransportCost:
     def describe(self) -> str:
         """In words, before it starts."""
         disk = f" and {self.disk_bytes / 1e6:.0f} MB of disk for blocks" if self.disk_bytes else ""
+        millions = self.rays / 1e6
+        rays = f"{millions:.0f}" if millions >= 10 else f"{millions:.2g}"
         return (
-            f"{self.rays / 1e6:.0f} million rays, at most {self.most_bytes / 1e6:.0f} MB of transport, at most"
+            f"{rays} million rays, at most {self.most_bytes / 1e6:.0f} MB of transport, at most"
             f" {self.peak_bytes / 1e6:.0f} MB of memory{disk}"
         )
 

@@ -33,6 +33,17 @@ async function unpack(packed) {
   return new Type(bytes.buffer);
 }
 
+/** A page's data with the arrays that several places have where they belong (without_repeats). */
+function restored({ repeated, ...data }) {
+  const inside = (node) => {
+    if (Array.isArray(node)) return node.map(inside);
+    if (node === null || typeof node !== "object") return node;
+    if ("repeated" in node) return repeated[node.repeated];
+    return Object.fromEntries(Object.entries(node).map(([name, each]) => [name, inside(each)]));
+  };
+  return inside(data);
+}
+
 /** Undoes the differences along the axis whose neighbours are `stride` apart, `length` long. In place. */
 function accumulate(array, stride, length) {
   const block = stride * length;

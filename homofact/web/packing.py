@@ -7,6 +7,7 @@ page undoes it in `data.js`.
 
 import base64
 import zlib
+from collections import Counter
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,52 @@ def pack(array: np.ndarray) -> dict[str, Any]:
     grouped = plain.view(np.uint8).reshape(-1, plain.itemsize).T.tobytes() if plain.size else b""
     data = base64.b64encode(zlib.compress(grouped, 6)).decode("ascii")
     return {"type": array.dtype.name, "shape": list(array.shape), "data": data}
+
+
+def without_repeats(data: dict[str, Any]) -> dict[str, Any]:
+    """Return a page's data with each packed array once: equal ones are in the list "repeated", named by their index.
+
+    The page undoes it by `restored` of `data.js`.
+    """
+    counts: Counter[tuple[Any, ...]] = Counter()
+
+    def count(node: Any) -> None:
+        if _is_packed(node):
+            counts[_identity(node)] += 1
+            return
+        for each in _children(node):
+            count(each)
+
+    count(data)
+    places = {key: place for place, key in enumerate(key for key, number in counts.items() if number > 1)}
+    repeated: list[dict[str, Any]] = [{}] * len(places)
+
+    def replaced(node: Any) -> Any:
+        if _is_packed(node):
+            place = places.get(_identity(node))
+            if place is None:
+                return node
+            repeated[place] = node
+            return {"repeated": place}
+        if isinstance(node, dict):
+            return {name: replaced(each) for name, each in node.items()}
+        return [replaced(each) for each in node] if isinstance(node, list) else node
+
+    return {**replaced(data), "repeated": repeated}
+
+
+def _is_packed(node: Any) -> bool:
+    return isinstance(node, dict) and node.keys() == {"type", "shape", "data"}
+
+
+def _identity(packed: dict[str, Any]) -> tuple[Any, ...]:
+    return packed["type"], *packed["shape"], packed["data"]
+
+
+def _children(node: Any) -> list[Any]:
+    if isinstance(node, dict):
+        return list(node.values())
+    return node if isinstance(node, list) else []
 
 
 def differences(array: np.ndarray, axes: tuple[int, ...]) -> np.ndarray:

@@ -9,7 +9,8 @@ reflectance itself (`picture` of `homofact relight`). The transport keeps --kept
 those of natural light. Skies: grace, stpeters and studio of the data, a sun of one texel 45° high, and stpeters turned
 by 90°, for which nothing is computed anew; and an even sky with the same sun beside it as [[sun]]. A file stands for
 its fit. Skies per second are changes of the light from nothing, views per second are all vertices towards a new eye.
---work keeps each row as a JSON line, by mesh, material and settings, so that an ended run goes on.
+--work keeps each row as a JSON line, by mesh, material and settings, and beside the file a folder of fits, so that an
+ended run goes on.
 """
 
 import argparse
@@ -175,7 +176,8 @@ def main(arguments: list[str] | None = None) -> int:
         return 2
     meshes = ["knot"] if chosen.short else listed(chosen.meshes, list(MESHES), "--meshes")
     names = listed("exponent 2000" if chosen.short else chosen.materials, [*MODELS, *FILES], "--materials")
-    finished, fits = Finished(chosen.work), FileFits()
+    finished = Finished(chosen.work)
+    fits = FileFits(None if chosen.work is None else chosen.work.with_suffix(".fits"), chosen.work is not None)
     lights = {"studio": named_environment("studio")} if chosen.short else skies(folder)
     rows, errors = [], []
     for mesh_name in meshes:

@@ -11,12 +11,16 @@ A headless Chromium draws with SwiftShader. Frames are counted as the page makes
 frame: it lowers the resolution to keep up, and the part of the pixels' width that it settles at is said. Beside that
 stand single frames at full resolution. Seconds are of the clock; on a machine that does other work they are too long,
 so the processors' own seconds per frame (browser and drawing, all threads) stand beside them, and the machine's load.
+A second table has the bytes of the file by what they are for.
 """
 
+import json
 import os
 import re
 import sys
 import tempfile
+from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -146,6 +150,7 @@ def text_of(page: Path, found: dict[str, Any]) -> str:
         ("relative RMS against the reference", "–" if error is None else f"{error:.2%}", "", ""),
         ("light below zero", f"{found['statistics']['below']:.3%}", "", ""),
     ]
+    sizes = bytes_by_part(page)
     vertices = " + ".join(f"{count:,}" for count in found["vertices"])
     lines = [
         f"# The page {page.name}",
@@ -156,8 +161,47 @@ def text_of(page: Path, found: dict[str, Any]) -> str:
         "",
         markdown(("figure", "measured", "wanted", "verdict"), rows),
         "",
+        markdown(("bytes for", "kB"), [(what, f"{size / 1e3:,.0f}") for what, size in sizes.most_common()], 1),
+        "",
     ]
     return "\n".join(lines)
+
+
+# What arrays of the page are for, by the first word of their names that is here.
+PARTS = {
+    "basis": "transport", "mix": "transport", "sight": "visibility bits", "tables": "tables of lobes and suns",
+    "lobe": "tables of lobes and suns", "sunlight": "visible parts of suns", "skies": "skies", "map": "view maps",
+    "tint": "textures", "reference": "reference", "objects": "meshes",
+}  # fmt: skip
+
+
+def bytes_by_part(page: Path) -> Counter[str]:
+    """How many bytes of the file are for what; scripts, styles and numbers are the rest."""
+    text = page.read_text(encoding="utf-8")
+    found = re.search(r'<script type="application/json" id="data">(.*?)</script>', text, re.S)
+    data = json.loads(found[1]) if found else {}
+    sizes: Counter[str] = Counter()
+    repeated = data.pop("repeated", [])
+    for names, packed in arrays_of(data):
+        if "repeated" in packed:
+            place = packed["repeated"]
+            packed, repeated[place] = repeated[place], None
+        if packed is not None:
+            sizes[next(word for name, word in PARTS.items() if name in names)] += len(packed["data"])
+    sizes["scripts, styles and numbers"] = page.stat().st_size - sizes.total()
+    return sizes
+
+
+def arrays_of(node: Any, names: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], dict[str, Any]]]:
+    """The packed arrays of a page's data, with the names that lead to them."""
+    if isinstance(node, dict) and ("repeated" in node or "data" in node):
+        yield names, node
+    elif isinstance(node, dict):
+        for name, each in node.items():
+            yield from arrays_of(each, (*names, name))
+    elif isinstance(node, list):
+        for each in node:
+            yield from arrays_of(each, names)
 
 
 def held(good: bool) -> str:

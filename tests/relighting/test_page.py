@@ -1,5 +1,6 @@
 """What the page is made of, without a browser: skies, packed vectors, and every bad input in one line."""
 
+import json
 import math
 import re
 from collections import deque
@@ -25,7 +26,7 @@ from homofact.relighting.page.build import PageReference, closed, page_objects, 
 from homofact.relighting.page.order import CACHE, cached_order
 from homofact.relighting.page.skies import page_sky, reduced, rounded
 from homofact.rendering.light import EnvironmentMap
-from homofact.web.packing import halves
+from homofact.web.packing import halves, pack, without_repeats
 
 
 def test_vectors_are_kept_number_for_number(tmp_path: Path) -> None:
@@ -34,21 +35,32 @@ def test_vectors_are_kept_number_for_number(tmp_path: Path) -> None:
     assert size == (tmp_path / "p.html").stat().st_size
     for packed, each in zip(written(tmp_path / "p.html")["objects"], given.objects, strict=True):
         arrays = {name: unpack(array) for name, array in packed["basis"].items()}
-        magnitude = np.cumsum(arrays["size"].astype(np.uint16), dtype=np.uint16).astype(int)
-        negative = np.unpackbits(arrays["negative"])[: len(magnitude)]
+        coded = arrays["number"].astype(int)
+        number = coded >> 1 ^ -(coded & 1)
         start = np.concatenate(([0], np.cumsum(arrays["count"].astype(int))))
         assert np.array_equal(start, each.basis.start)
         for r in range(len(arrays["count"])):
             own = slice(start[r], start[r + 1])
-            assert (np.diff(magnitude[own]) <= 0).all()
-            pairs = dict(
-                zip(
-                    arrays["index"][own].tolist(),
-                    (magnitude[own] * np.where(negative[own], -1, 1)).tolist(),
-                    strict=True,
-                )
-            )
-            assert pairs == dict(zip(each.basis.index[own].tolist(), each.basis.number[own].tolist(), strict=True))
+            assert np.array_equal(np.cumsum(arrays["place"][own], dtype=np.uint16), each.basis.index[own])
+        assert np.array_equal(number, each.basis.number)
+
+
+def test_arrays_of_several_objects_are_written_once(tmp_path: Path) -> None:
+    given, target = scene(), tmp_path / "p.html"
+    first = given.objects[0]
+    write_page(target, [first], given.skies, {})
+    alone = written(target)["objects"][0]
+    one = target.stat().st_size
+    write_page(target, [first, replace(first, name="twin")], given.skies, {})
+    both = written(target)["objects"]
+    assert both == [alone, alone | {"name": "twin"}]
+    assert target.stat().st_size - one < 0.1 * len(json.dumps(alone))
+    # Equal bytes of another kind or shape are another array.
+    flat = np.arange(12, dtype=np.uint16)
+    data = {"a": pack(flat), "b": [pack(flat.reshape(3, 4)), pack(flat)], "c": pack(flat.view(np.int16)), "d": None}
+    assert without_repeats(data) == {
+        "a": {"repeated": 0}, "b": [data["b"][0], {"repeated": 0}], "c": data["c"], "d": None, "repeated": [data["a"]]
+    }  # fmt: skip
 
 
 def test_the_page_is_one_file_that_asks_for_nothing(tmp_path: Path) -> None:

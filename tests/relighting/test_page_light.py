@@ -22,6 +22,21 @@ def test_light_and_view_are_the_library_s(page: Any) -> None:
     check_colours(page, relit_scene.scene().skies[0].cube)
 
 
+def test_vectors_are_in_falling_order_of_magnitude(page: Any) -> None:
+    """So that the page's N largest are the first N; of equals the one of the lower place first."""
+    for number, given in enumerate(relit_scene.scene().objects):
+        index, numbers = page.execute_script(
+            "const { index, number } = homofact.view.objects[arguments[0]];"
+            "return [Array.from(index), Array.from(number)]",
+            number,
+        )
+        basis = given.basis
+        vector = np.repeat(np.arange(len(basis.scale)), np.diff(basis.start))
+        order = np.lexsort((basis.index, -np.abs(basis.number.astype(int)), vector))
+        assert np.array_equal(index, basis.index[order])
+        assert np.array_equal(numbers, basis.number[order])
+
+
 def test_another_sky_and_a_turned_one(page: Any) -> None:
     sky = relit_scene.scene().skies[1]
     change(page, sky=1)

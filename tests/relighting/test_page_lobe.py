@@ -108,8 +108,8 @@ def test_tables_and_sight_are_in_the_page(file: Path) -> None:
         size = np.abs(table.values)
         assert (np.abs(values - table.values) <= 2.0**-10 * size + 1e-9 * size.max()).all()
         words = unpack(own["sight"])
-        assert words.dtype == np.uint32
-        assert np.array_equal(words.astype("<u4").view("<u8"), each.lobe.sight)
+        assert words.dtype == np.uint8
+        assert np.array_equal(words.view("<u8"), each.lobe.sight)
 
 
 def test_they_are_the_same_in_the_browser(lobes: Any) -> None:

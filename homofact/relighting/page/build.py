@@ -3,10 +3,10 @@
     write_page(Path("bunny.html"), [PageObject("bunny", mesh, transport, "blue paint")], [page_sky("grace", light, 64)],
                numbers={"Bunny": {"vertices": 35947}}, camera=Camera((0.0, 0.6, 3.2)))
 
-WaveletTransport is kept as it is, number for number: vectors in falling order of magnitude, so that the page's N
-largest are the first N, differences of magnitudes, signs apart, places as they come. Positions are rounded to 1/65535
-of their box, surface frames to about 1/30000, skies, the reference and the tables of separate lobes to half
-floats. Nothing else is rounded.
+WaveletTransport is kept as it is, number for number: vectors in the order of their places, as differences, which the
+page sorts by magnitude. Positions are rounded to 1/65535 of their box, surface frames to about 1/30000, skies, the
+reference and the tables of separate lobes to half floats. Nothing else is rounded. Arrays that several objects have, as
+tables of one material and textures of one file, are written once.
 
 The page is `page.html` with what all pages of scenes have (`web.scene_page`) and the scripts of `SHARED` and `SCRIPTS`.
 """
@@ -40,7 +40,7 @@ from homofact.scene.cameras import Camera
 from homofact.scene.meshes import faded
 from homofact.scene.normal_map import SurfaceNormals
 from homofact.scene.tint import SurfaceTint
-from homofact.web.packing import boxed, differences, halves, pack
+from homofact.web.packing import boxed, differences, halves, pack, without_repeats
 from homofact.web.scene_page import Numbers, write_scene_page
 
 PACKAGE = "homofact.relighting.page"
@@ -144,7 +144,7 @@ def write_page(
         "reference": None if reference is None else {"sky": reference.sky, "words": reference.words},
     }
     return write_scene_page(
-        target, PACKAGE, SCRIPTS, data, numbers, title=title, subtitle=subtitle, shared=SHARED,
+        target, PACKAGE, SCRIPTS, without_repeats(data), numbers, title=title, subtitle=subtitle, shared=SHARED,
         policy="; worker-src blob:", new=new,
     )  # fmt: skip
 
@@ -227,9 +227,8 @@ def _object(given: PageObject, colours: np.ndarray | None) -> dict[str, Any]:
 
 
 def _lobe(lobe: SeparateLobe) -> dict[str, Any]:
-    """Words of 64 texels that a vertex sees become two of 32, the lower one first."""
-    sight = np.ascontiguousarray(lobe.sight, "<u8").view("<u4").astype(np.uint32)
-    return {**_table(lobe.table), "sight": pack(sight)}
+    """Words of 64 texels that a vertex sees as bytes, the lowest first: in this order, deflate packs them best."""
+    return {**_table(lobe.table), "sight": pack(np.ascontiguousarray(lobe.sight, "<u8").view(np.uint8))}
 
 
 def _table(table: LobeTable) -> dict[str, Any]:
@@ -302,17 +301,16 @@ def turns(rows: np.ndarray) -> np.ndarray:
 
 
 def _basis(basis: WaveletTransport) -> dict[str, Any]:
-    """Vectors in falling order of magnitude; of equals the one of the lower place first."""
+    """Places as differences from the one before, of a vector's first as they are; numbers with their sign last."""
     count = np.diff(basis.start)
-    vector = np.repeat(np.arange(len(count)), count)
-    size = np.abs(basis.number.astype(np.int32))
-    order = np.lexsort((basis.index, -size, vector))
-    size, negative = size[order].astype(np.uint16), basis.number[order] < 0
+    place = differences(basis.index, (0,))
+    first = basis.start[:-1][count > 0]
+    place[first] = basis.index[first]
+    signed = (basis.number << 1 ^ basis.number >> 15).view(np.uint16)
     return {
         "count": pack(count.astype(np.uint16)),
-        "index": pack(basis.index[order]),
-        "size": pack(differences(size, (0,))),
-        "negative": pack(np.packbits(negative)),
+        "place": pack(place),
+        "number": pack(signed),
         "scale": pack(basis.scale),
     }
 

@@ -218,6 +218,6 @@ async function unpackTable(packed) {
 
 /** Unpacks an object's lobe. */
 async function unpackLobe(packed, vertices) {
-  const [table, sight] = await Promise.all([unpackTable(packed), unpack(packed.sight)]);
+  const [table, bytes] = await Promise.all([unpackTable(packed), unpack(packed.sight)]), sight = new Uint32Array(bytes.buffer);
   return { ...table, sight, words: sight.length / vertices };
 }

@@ -305,7 +305,7 @@ function keptSteps(most) {
 }
 
 async function begin() {
-  const data = JSON.parse(by("data").textContent);
+  const data = restored(JSON.parse(by("data").textContent));
   // A browser without WebGL 2 is told before anything is unpacked.
   openContext(document.createElement("canvas"));
   const objects = await Promise.all(data.objects.map((object) => unpackTransport(object, 6 * data.cube ** 2, data.suns.length + data.lamps.length)));

@@ -151,21 +151,18 @@ class Transport {
 async function unpackTransport(packed, coefficients, lights) {
   const { basis, mix, map, reference, lobe } = packed;
   const all = { positions: packed.positions, turns: packed.frames, triangles: packed.triangles, coarse: packed.coarse, texels: map.texels,
-    count: basis.count, index: basis.index, sizes: basis.size, negative: basis.negative, scale: basis.scale,
+    count: basis.count, place: basis.place, number: basis.number, scale: basis.scale,
     ...(mix ?? {}), ...(reference ? { reference: reference.values } : {}) };
   const arrays = Object.fromEntries(await Promise.all(Object.entries(all).map(
     async ([name, array]) => [name, array && await unpack(array)])));
   for (const list of [arrays.triangles, arrays.coarse]) if (list) accumulate(list, 1, list.length);
-  accumulate(arrays.sizes, 1, arrays.sizes.length);
-  // 16-bit numbers are at most 32767, so signs fit beside their magnitudes.
-  const number = new Int16Array(arrays.sizes);
-  for (let p = 0; p < number.length; p++) if (arrays.negative[p >> 3] & (128 >> (p & 7))) number[p] = -number[p];
+  const { index, number } = orderedVectors(arrays);
   const shape = geometry(packed, arrays.positions, arrays.turns), bumps = packed.bumps ? await unpackBumps(packed.bumps) : null;
   if (bumps) bumps.mapped = mappedNormals(bumps, shape.normals);
   return new Transport({
     name: packed.name, material: packed.material, fade: packed.fade, closed: packed.closed, vertices: packed.vertices, terms: packed.terms,
     bounced: packed.bounced,
-    bytes: packed.bytes, coefficients, number, count: arrays.count, index: arrays.index, scale: arrays.scale,
+    bytes: packed.bytes, coefficients, number, count: arrays.count, index, scale: arrays.scale,
     cluster: arrays.cluster, weights: arrays.weights, steps: arrays.steps, triangles: arrays.triangles, coarse: arrays.coarse,
     map: { size: map.size, channels: map.channels, texels: arrays.texels },
     reference: reference ? fromHalves(arrays.reference, reference.scale) : null,
@@ -174,6 +171,30 @@ async function unpackTransport(packed, coefficients, lights) {
     tint: packed.tint ? await unpackTint(packed.tint) : null,
     bumps, ...shape,
   });
+}
+
+/** The places and numbers of all vectors, each in falling order of magnitude; of equals the one of the lower place first. */
+function orderedVectors({ count, place, number: coded }) {
+  const index = new Uint16Array(coded.length), number = new Int16Array(coded.length);
+  const keys = new Uint32Array(count.reduce((most, c) => Math.max(most, c), 0));
+  let first = 0;
+  for (const own of count) {
+    let at = 0;
+    for (let p = 0; p < own; p++) {
+      at = (at + place[first + p]) & 0xffff;
+      const code = coded[first + p], value = (code >>> 1) ^ -(code & 1);
+      // Places are below 2¹⁵ and magnitudes at most 2¹⁵, so both and the sign are one number to sort by.
+      keys[p] = (0x8000 - Math.abs(value)) * 0x10000 + 2 * at + (value < 0);
+    }
+    const sorted = keys.subarray(0, own).sort();
+    for (let p = 0; p < own; p++) {
+      const size = 0x8000 - (sorted[p] >>> 16);
+      index[first + p] = (sorted[p] & 0xffff) >> 1;
+      number[first + p] = sorted[p] & 1 ? -size : size;
+    }
+    first += own;
+  }
+  return { index, number };
 }
 
 /** Positions (V × 3), normals and tangents of the rounded ones. */
