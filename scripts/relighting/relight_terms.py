@@ -225,9 +225,9 @@ def draw(
         points = sorted((sum(each["share"]) * a_term, scene_error(errors, powers, each[rule])) for each in found)
         axes.plot(*zip(*points, strict=True), styles[rule], label=words[rule], markersize=4)
     axes.set(xlabel="MB of the scene", ylabel="relative RMS error of its light")
-    sizes, wrong = zip(*(point for line in axes.lines for point in zip(*line.get_data(), strict=True)), strict=True)
-    log_x(axes, min(sizes) / 1.1, max(sizes) * 1.1, fewest=4)
-    log_y(axes, min(wrong) / 1.1, max(wrong) * 1.1, fewest=4)
+    sizes, wrong = np.concatenate([np.asarray(line.get_xydata(), float) for line in axes.lines]).T
+    log_x(axes, sizes.min() / 1.1, sizes.max() * 1.1, fewest=4)
+    log_y(axes, wrong.min() / 1.1, wrong.max() * 1.1, fewest=4)
     axes.grid(True, alpha=0.25)
     axes.legend()
     path.parent.mkdir(parents=True, exist_ok=True)
