@@ -95,6 +95,18 @@ def _for_parts(header: dict[str, Any], data: bytes) -> bytes:
     return data[:8] + struct.pack("<II4s", total, len(text), b"JSON") + text + rest
 
 
+def _normals(part: Any, scene: Any, count: int) -> np.ndarray | None:
+    """The normals (V, 3) that a part has in the file, in the scene's frame and of any length."""
+    place, name = scene.graph[part.metadata["node"]]
+    # trimesh has them in the cache of what it read; a copy at its place in the scene loses them.
+    given = np.asarray(scene.geometry[name]._cache.cache.get("vertex_normals", ()), np.float64)
+    if given.shape != (count, 3):
+        return None
+    # Planes turn by the inverse transpose: n · p stays 0 for every p in the plane.
+    cofactors = np.cross(place[[1, 2, 0], :3], place[[2, 0, 1], :3])
+    return given @ cofactors.T * np.sign(np.linalg.det(place[:3, :3]))
+
+
 def _tangents(part: Any, scene: Any, count: int) -> np.ndarray | None:
     """The tangents (V, 4) that a part has in the file, in the scene's frame."""
     given = np.asarray(part.vertex_attributes.get(_TANGENT, ()), np.float64)
@@ -111,7 +123,6 @@ def _parsed(path: Path, part: Any, scene: Any) -> Parsed:
         raise BadInput(f"points of shape {points.shape}", where=path, expected="three coordinates a point")
     if faces.min() < 0 or faces.max() >= len(points):
         raise BadInput(f"a face names vertex {faces.max()} of {len(points)}", where=path, expected="one of its mesh")
-    normals = part.vertex_normals if "vertex_normals" in part._cache.cache else None
     uv = getattr(part.visual, "uv", None)
     if uv is not None:
         # trimesh has v upwards.
@@ -119,7 +130,7 @@ def _parsed(path: Path, part: Any, scene: Any) -> Parsed:
         uv = uv if uv.shape == (len(points), 2) and np.isfinite(uv).all() else None
     return Parsed(
         np.asarray(points, np.float64),
-        None if normals is None else np.asarray(normals, np.float64),
+        _normals(part, scene, len(points)),
         np.asarray(faces, np.int64),
         uv,
         _tangents(part, scene, len(points)),

@@ -52,6 +52,25 @@ def test_a_triangle_is_read_from_inside_and_from_a_file_beside(tmp_path: Path) -
         assert len(read_mesh(written(tmp_path, found)).triangles) == 1
 
 
+@pytest.mark.parametrize("place", [{}, {"scale": [1, 2, -4]}, {"rotation": [0.5, 0.5, 0.5, 0.5], "scale": [3, 1, 1]}])
+def test_normals_of_the_file_are_kept_at_their_place_in_the_scene(place: dict[str, Any], tmp_path: Path) -> None:
+    """Normals lean from the triangle's own; they stay normal to the planes that they were normal to in the file."""
+    given = np.array([[0.6, 0, 0.8], [0, -0.6, 0.8], [0, 0, 1]])
+    data = BUFFER + given.astype("<f4").tobytes()
+    found = triangle([{"mesh": 0} | place])
+    found["buffers"] = [{"byteLength": 84, "uri": INSIDE.split(",")[0] + "," + base64.b64encode(data).decode()}]
+    found["bufferViews"].append({"buffer": 0, "byteOffset": 48, "byteLength": 36})
+    found["accessors"].append({"bufferView": 2, "componentType": 5126, "count": 3, "type": "VEC3"})
+    found["meshes"][0]["primitives"][0]["attributes"]["NORMAL"] = 2
+    mesh = read_mesh(written(tmp_path, found))
+    turn = np.roll(np.eye(3), 1, 0) if "rotation" in place else np.eye(3)
+    frame = turn @ np.diag(place.get("scale", [1, 1, 1]))
+    for normal, expected in zip(mesh.normals, given, strict=True):
+        for along in np.linalg.svd(expected[None])[2][1:]:
+            assert normal @ frame @ along == pytest.approx(0, abs=1e-6)
+        assert normal @ frame @ expected > 0
+
+
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes here")
 def test_a_buffer_that_is_a_pipe_is_refused(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe.bin")
