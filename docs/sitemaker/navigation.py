@@ -50,7 +50,7 @@ SECTIONS = (
         "Evidence",
         (
             "known_mixes", "light", "people", "straightening", "measured", "thesis", "trials", "compression", "real",
-            "stability", "scripts",
+            "relighting_figures", "stability", "scripts",
         ),
     ),
     Section(
