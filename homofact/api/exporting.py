@@ -121,7 +121,9 @@ def export(
     to : path
         The folder that is written, whole or not at all.
     format : str, optional
-        The textures' format, such as "exr", "png8" or "ktx2". Default: the value of `quantize`, else "exr".
+        The textures' format, such as "exr", "png8" or "ktx2". Default: the value of `quantize`. Without it, an export
+        of 8 or 16 bits (as `plan` writes them) keeps its format and its texels, and any other fit becomes "exr", or
+        the engine's first format.
     quantize : {"png8", "png16"}, optional
         Solve for the best texels of 8 or 16 bits, instead of rounding each by itself.
     engine : str, optional
@@ -154,11 +156,13 @@ def export(
     >>> exported.format, "brdf.glsl" in exported.files
     ('png16', True)
     """
-    name = _format_of(format, quantize)
+    asked = _format_of(format, quantize)
     if prefilter_side is not None and prefilter is None:
         raise BadInput(where="prefilter-side", found="it without a sky", expected="prefilter, the sky to filter")
     given = given_fit(fit)
     source = None if source is None else given_source(source)
+    kept = None if asked is not None or given.place is None else _kept_format(given.place)
+    name = asked or kept or "exr"
 
     from homofact.containers.formats import format_named
     from homofact.files.folder import check_new_folder
@@ -170,7 +174,9 @@ def export(
     if engine is not None:
         from homofact.exporting.engines.table import engine_named
 
-        of_engine, name = engine_named(engine, format or quantize)
+        of_engine, name = engine_named(engine, asked)
+        if kept is not None and kept in of_engine.formats:
+            name = kept
     folder = Path(to)
     check_new_folder(folder, EXPORT, force)
     side = SKY_SIDE if prefilter_side is None else prefilter_side
@@ -192,14 +198,21 @@ def export(
         return work.write(given.words, folder, made, rows, of_engine, force)
 
 
-def _format_of(form: str | None, quantize: str | None) -> str:
-    """The textures' format. Raises BadInput where there is none such, and for two that differ."""
-    name = form or quantize or "exr"
+def _kept_format(place: Path) -> str | None:
+    """The format that a fit at a place keeps: that of an export with whole texels."""
+    from homofact.exporting.exported_reader import whole_format
+
+    return whole_format(place) if place.is_dir() else None
+
+
+def _format_of(form: str | None, quantize: str | None) -> str | None:
+    """The requested format, None for the default. Raises BadInput where there is none such, and for two that differ."""
+    name = form or quantize
     if quantize is not None and quantize not in QUANTIZED:
         raise BadInput(where="quantize", found=repr(quantize), expected="png8 or png16")
     if quantize is not None and quantize != name:
         raise BadInput(where="format", found=f"{name!r} beside quantize {quantize}", expected=quantize)
-    if name not in FORMAT_NAMES:
+    if name is not None and name not in FORMAT_NAMES:
         raise BadInput(where="format", found=repr(name), expected=f"one of {', '.join(FORMAT_NAMES)}")
     return name
 

@@ -26,7 +26,7 @@ def export(
         typer.Option(
             "--format",
             help=f"Format of the textures: {', '.join(FORMAT_NAMES)}; or html, the page of homofact view."
-            " Default: exr, or the format of --quantize.",
+            " Default: the format of --quantize; for an export of 8 or 16 bits its own; else exr.",
             show_default=False,
         ),
     ] = None,
@@ -127,10 +127,10 @@ def _show(found: ExportResult, folder: Path, engine: str | None, screen: Screen)
     )
 
 
-def _next_line(folder: Path, engine: str | None, files: Sequence[str]) -> str:
-    """What to do with the folder."""
+def _next_line(folder: Path, engine: str | None, files: Sequence[str]) -> str | Text:
+    """What to do with the folder; a line with a place in it is not wrapped."""
     if engine is None:
-        return (
+        return Text(
             "Call homofact_evaluate(wi, wo) of brdf.glsl, .hlsl, .wgsl or .c; manifest.json tells a loader how to read"
             " the textures. For files that an engine loads: --engine three, gltf, materialx, godot, blender or pbrt"
         )

@@ -69,6 +69,7 @@ def plan(
     settings of each object: docs/relighting.md.
     """
     from homofact.api.planning import PlanResult, TransportPlan, plan
+    from homofact.planning.export import COLOUR
 
     screen = Screen(as_json, quiet)
     with screen.progress() as progress:
@@ -87,6 +88,9 @@ def plan(
             screen.note(f"The figure: {plot}")
         if write is not None:
             screen.note(f"The choices: {write}")
+            fits = [name for name in (found.folders or {}).values() if not (write / name / COLOUR).exists()]
+            if fits:
+                screen.note(f"Export one to an engine: homofact export {write / fits[0]} --to FOLDER --engine three")
     if as_json:
         # With verdicts on what was chosen under the other lighting, which nothing else shows.
         screen.answer(found.record())

@@ -4,6 +4,7 @@ The manifest may have been edited by hand: each of its entries is checked, and e
 """
 
 import os
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,18 +15,27 @@ from homofact.containers.exr import exr_channel_names
 from homofact.containers.formats import FORMATS, MOST_SIDE
 from homofact.errors import BadInput
 from homofact.factor.factorization import Factorization, Term
+from homofact.factor.fitted import QuantizationGrid
 from homofact.factor.projection import WARPED_AXES, Projection, Warp
 from homofact.files.arrays import MOST_VALUE
 from homofact.files.fields import Fields
 from homofact.geometry.coordinates import COORDINATES, CoordinateSystem
 from homofact.separable.decomposition_names import MAP_NAMES, SIDES
 from homofact.separable.separable import Separable, SeparableTerm
-from homofact.shading.encoded import Encoded
+from homofact.shading.encoded import LEVELS, Encoded
 
 FORMAT = "homofact export"
 FORMAT_VERSION = 1
 MANIFEST = "manifest.json"
 _MOST_TERMS = 1000
+
+
+@dataclass(frozen=True)
+class _Texels:
+    """The decoded texels (rows, columns, C) of a texture, and the grid that they are on if they are whole numbers."""
+
+    values: np.ndarray
+    grid: QuantizationGrid | None
 
 
 def is_export(folder: str | os.PathLike[str]) -> bool:
@@ -34,9 +44,21 @@ def is_export(folder: str | os.PathLike[str]) -> bool:
     return path.is_file() and Fields.read(path, f"{FORMAT!r}").found.get("format") == FORMAT
 
 
+def whole_format(folder: str | os.PathLike[str]) -> str | None:
+    """Return the texture format of an export with whole texels, "png8" or "png16"; None for any other folder or file.
+
+    Raises BadInput for a manifest that is not JSON.
+    """
+    if not is_export(folder):
+        return None
+    name = Fields.read(Path(folder) / MANIFEST, f"{FORMAT!r}").found.get("texture_format")
+    return name if isinstance(name, str) and name in FORMATS and FORMATS[name].storage in LEVELS else None
+
+
 def open_exported(folder: str | os.PathLike[str]) -> Factorization | Separable:
     """Return the fit that an export's textures give.
 
+    Whole texels keep their grid: exported again in the same format, they are the same numbers.
     Raises BadInput, one line, for a folder without a manifest, a manifest of another format or a newer version, an
     entry that cannot be meant, and textures that are missing, damaged, or not as the manifest says.
     """
@@ -55,8 +77,8 @@ def open_exported(folder: str | os.PathLike[str]) -> Factorization | Separable:
     return _sum(fields, textures, transform, channels, provenance)
 
 
-def _textures(place: Path, fields: Fields, channels: tuple[str, ...]) -> list[np.ndarray]:
-    """The decoded texels of every texture."""
+def _textures(place: Path, fields: Fields, channels: tuple[str, ...]) -> list[_Texels]:
+    """Every texture."""
     form = FORMATS[fields.text("texture_format", FORMATS)]
     decoded = []
     for entry in fields.inners("textures", 2 * _MOST_TERMS):
@@ -84,14 +106,15 @@ def _textures(place: Path, fields: Fields, channels: tuple[str, ...]) -> list[np
         if not largest <= MOST_VALUE:
             made = f"{place / name}: scale and bias in {MANIFEST} make a texel {largest:g}"
             raise BadInput(made, expected=f"at most {MOST_VALUE:g}")
-        decoded.append(texels)
+        levels = LEVELS.get(form.storage)
+        decoded.append(_Texels(texels, None if levels is None else QuantizationGrid(bias, scale / levels, levels)))
     return decoded
 
 
-def _term(fields: Fields, textures: list[np.ndarray]) -> Term[np.ndarray]:
+def _term(fields: Fields, textures: list[_Texels]) -> Term[np.ndarray]:
     texture = textures[fields.whole("texture", 0, len(textures) - 1)]
-    mask = np.array(fields.bits("mask", texture.shape[0], texture.shape[1]))
-    return Term(_projection(fields.inner("projection")), texture, mask).round()
+    mask = np.array(fields.bits("mask", *texture.values.shape[:2]))
+    return Term(_projection(fields.inner("projection")), texture.values, mask, grid=texture.grid).round()
 
 
 def _projection(fields: Fields) -> Projection:
@@ -123,14 +146,14 @@ def _quaternions(fields: Fields, system: CoordinateSystem) -> np.ndarray | None:
 
 def _sum(
     fields: Fields,
-    textures: list[np.ndarray],
+    textures: list[_Texels],
     transform: LogTransform,
     channels: tuple[str, ...],
     provenance: dict[str, Any],
 ) -> Separable:
     terms = []
-    rows, columns = textures[0].shape[:2]
-    if any(texture.shape != textures[0].shape for texture in textures):
+    rows, columns = textures[0].values.shape[:2]
+    if any(texture.values.shape != textures[0].values.shape for texture in textures):
         fields.refuse("textures", "textures of one size in a sum of products")
     for entry in fields.inners("terms", _MOST_TERMS):
         numbers = entry.found.get("textures")
@@ -140,8 +163,9 @@ def _sum(
         signs = entry.numbers("signs", len(channels))
         if not set(signs) <= {1.0, -1.0}:
             entry.refuse("signs", "1 or -1 a channel")
-        first, *second = (textures[k] for k in numbers)
-        terms.append(SeparableTerm(first, second[0] if second else None, np.array(signs)))
+        first, *second = (textures[k].values for k in numbers)
+        grids = tuple(grid for k in numbers if (grid := textures[k].grid) is not None)
+        terms.append(SeparableTerm(first, second[0] if second else None, np.array(signs), grids))
     if len({term.second is None for term in terms}) > 1:
         fields.refuse("terms", "the same number of textures in every term")
     read = np.array(fields.bits("read", rows, columns))
@@ -149,5 +173,5 @@ def _sum(
     return Separable(tuple(terms), name, kind, read, transform, channels, provenance)
 
 
-def _is_number_of(value: Any, textures: list[np.ndarray]) -> bool:
+def _is_number_of(value: Any, textures: list[_Texels]) -> bool:
     return type(value) is int and value in range(len(textures))

@@ -18,6 +18,8 @@ from homofact.cli.main import main
 from homofact.containers.exr import write_exr
 from homofact.containers.formats import FORMATS
 from homofact.exporting.engines import blender, gltf
+from homofact.exporting.engines.base import Added, Engine
+from homofact.exporting.engines.table import ENGINES
 from homofact.exporting.prefiltered import relative_rms, write_sky
 from homofact.factor.factorization import Factorization
 from homofact.files.archive import write_arrays
@@ -37,13 +39,15 @@ def result(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_an_export_ends_with_what_to_do_next(result: Path, tmp_path: Path, monkeypatch, capsys) -> None:
     monkeypatch.setattr(blender, "closure_light", closures_like)
-    monkeypatch.setenv("COLUMNS", "200")
+    monkeypatch.setenv("COLUMNS", "80")
     last = []
     for engine in ([], ["--engine", "blender"], ["--engine", "pbrt"]):
         to = tmp_path / f"to{len(last)}"
         assert main(["export", str(result), "--to", str(to), *engine]) == 0
-        last.append(capsys.readouterr().out.rstrip().splitlines()[-1].strip())
+        last.append(capsys.readouterr().out.rstrip().split("\n\n")[-1])
     assert last[0].startswith("Call homofact_evaluate(wi, wo)")
+    # Words wrap; a place never does.
+    assert 2 <= len(last[0].splitlines()) == sum(len(line) <= 80 for line in last[0].splitlines())
     assert last[1] == f"Load it: {tmp_path / 'to1' / 'README.md'} explains how"
     assert (tmp_path / "to1" / "README.md").is_file()
     assert last[2] == f"Render it: pbrt {tmp_path / 'to2' / 'scene.pbrt'}"
@@ -126,6 +130,24 @@ def test_solved_texels_are_nearer_than_rounded_ones(result: Path, tmp_path: Path
     found = errors(capsys.readouterr().out)
     assert list(found) == ["as fitted", "each texel rounded", "solved for png8"]
     assert found["solved for png8"]["log_difference"] < 0.95 * found["each texel rounded"]["log_difference"]
+
+
+def test_an_export_of_8_bits_stays_as_it_is(result: Path, tmp_path: Path) -> None:
+    first, again, wider = (tmp_path / name for name in ("first", "again", "wider"))
+    assert main(["export", str(result), "--to", str(first), "--quantize", "png8", "-q"]) == 0
+    assert main(["export", str(first), "--to", str(again), "-q"]) == 0
+    assert main(["export", str(first), "--to", str(wider), "--format", "exr16", "-q"]) == 0
+    for texture in ("texture_0.png", "texture_1.png"):
+        assert (again / texture).read_bytes() == (first / texture).read_bytes()
+    assert sorted(path.name for path in wider.glob("texture_*")) == ["texture_0.exr", "texture_1.exr"]
+
+
+def test_an_engine_keeps_8_bits_if_it_reads_them(monkeypatch: pytest.MonkeyPatch, result: Path, tmp_path: Path) -> None:
+    assert main(["export", str(result), "--to", str(tmp_path / "first"), "--format", "png8", "-q"]) == 0
+    for name, formats, ending in (("reads", ("exr16", "png8"), ".png"), ("reads-not", ("exr16", "exr"), ".exr")):
+        monkeypatch.setitem(ENGINES, name, Engine(name, formats, lambda _: Added({"README.md": "Read it."})))
+        assert main(["export", str(tmp_path / "first"), "--to", str(tmp_path / name), "--engine", name, "-q"]) == 0
+        assert (tmp_path / name / f"texture_0{ending}").exists()
 
 
 def test_the_table_and_the_files_are_on_the_screen(result: Path, tmp_path: Path, capsys) -> None:
@@ -275,7 +297,7 @@ def test_an_engine_gets_its_files_and_the_likeness_of_a_look_alike_is_said(
     assert main([*asked[:-1], "blender", "--force"]) == 0
     streams = capsys.readouterr()
     shown = " ".join(streams.out.split())
-    assert f"a sum of 3 closures by tables of {off.closures.nbytes} bytes." in shown
+    assert f"a sum of 3 closures with tables of {off.closures.nbytes} bytes." in shown
     assert "A sphere is off by 2.0% (a sky), 17.0% (a sun), relative RMS" in shown
     assert "the closures hold this material's lobes within 17% only; --engine three with --prefilter SKY" in streams.err
     names = {path.name for path in (tmp_path / "out").iterdir()}

@@ -42,7 +42,10 @@ def test_a_plan_leaves_its_choices_and_a_figure(
     out, figure = tmp_path / "o", tmp_path / "p.png"
     command = ["plan", str(scene), *QUICK, "--write", str(out), "--plot", str(figure), "--against", "overcast"]
     assert main([*command, "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
+    streams = capsys.readouterr()
+    found = json.loads(streams.out)
+    # The first that has textures.
+    assert f"homofact export {out / '2-cook-torrance-plastic'} --to FOLDER --engine three" in streams.err
     clay, plastic = found["materials"]
     assert clay["choice"]["method"] == "constant"
     assert clay["choice"]["bytes"] == 12
@@ -146,7 +149,9 @@ def test_odd_data_are_named_beside_the_choice(tmp_path: Path, capsys: pytest.Cap
     assert "refused by strict" in capsys.readouterr().err
     assert not out.exists()
     assert main(["plan", str(file), *QUICK, "--write", str(out)]) == 0
-    shown = " ".join(capsys.readouterr().out.split())
+    streams = capsys.readouterr()
+    assert "homofact export" not in streams.err
+    shown = " ".join(streams.out.split())
     assert re.search("warning: [0-9]+% that it is bad .noted: quantised", shown)
     record = json.loads((out / "plan.json").read_text())["materials"][0]
     assert record["met"]

@@ -22,7 +22,7 @@ from homofact.exporting.exported import (
     log_difference,
     write_exported,
 )
-from homofact.exporting.exported_reader import open_exported
+from homofact.exporting.exported_reader import open_exported, whole_format
 from homofact.factor.factorization import Factorization, Term
 from homofact.factor.fitted import Fitted
 from homofact.factor.projection import Warp, fixed_projection
@@ -75,6 +75,27 @@ def test_whole_texels_survive_to_the_bit(tmp_path: Path) -> None:
     fitted = homofact.fit(source, homofact.McCool(size=8, quantize="png8")).factorization
     write(tmp_path / "out", fitted, "png8")
     assert np.allclose(values(open_exported(tmp_path / "out")), values(fitted), rtol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["png8", "png16"])
+@pytest.mark.parametrize("method", [homofact.McCool(size=6), homofact.Svd(size=6, textures=2)], ids=lambda m: m.name)
+def test_an_export_of_an_export_has_the_same_numbers(method, name: str, tmp_path: Path) -> None:
+    # Solved texels do not use the whole range of numbers: a range of their own would round them once more.
+    source = homofact.read("material:lafortune-blue-paint", count=2000)
+    write(tmp_path / "one", homofact.fit(source, replace(method, quantize=name)).factorization, name)
+    write(tmp_path / "two", open_exported(tmp_path / "one"), name)
+    for texture in (tmp_path / "one").glob("*.png"):
+        assert texture.read_bytes() == (tmp_path / "two" / texture.name).read_bytes()
+    assert np.allclose(
+        values(open_exported(tmp_path / "two")), values(open_exported(tmp_path / "one")), rtol=1e-12, atol=1e-15
+    )
+
+
+def test_whole_texels_name_their_format(tmp_path: Path) -> None:
+    assert whole_format(tmp_path) is None
+    for name, expected in (("exr", None), ("exr16", None), ("png8", "png8"), ("png16", "png16"), ("dds", None)):
+        write(tmp_path / name, CASES["fixed h"], name)
+        assert whole_format(tmp_path / name) == expected
 
 
 def test_one_and_four_channels(tmp_path: Path) -> None:
