@@ -83,7 +83,10 @@ def test_an_export_of_an_export_has_the_same_numbers(method, name: str, tmp_path
     # Solved texels do not use the whole range of numbers: a range of their own would round them once more.
     source = homofact.read("material:lafortune-blue-paint", count=2000)
     write(tmp_path / "one", homofact.fit(source, replace(method, quantize=name)).factorization, name)
-    write(tmp_path / "two", open_exported(tmp_path / "one"), name)
+    again = open_exported(tmp_path / "one")
+    levels = {each.grid.levels if each.grid else 0 for each in again.textures}
+    assert levels == {2 ** int(name[3:]) - 1}
+    write(tmp_path / "two", again, name)
     for texture in (tmp_path / "one").glob("*.png"):
         assert texture.read_bytes() == (tmp_path / "two" / texture.name).read_bytes()
     assert np.allclose(
