@@ -69,8 +69,13 @@ class SourceComparison:
         found = []
         for label, seeds in self.rows.items():
             for row, values in zip(seeds.rows, self.values[label], strict=True):
-                fit = row.factorization
-                found.append(MeasuredFit(self.source.name, label, row.settings.seed, fit.nbytes, fit.fetches, values))
+                fit, held_out = row.factorization, round(row.split.held_out * row.samples)
+                found.append(
+                    MeasuredFit(
+                        self.source.name, label, row.settings.seed, fit.nbytes, fit.fetches, values,
+                        fit.transform.epsilon, row.samples, held_out,
+                    )
+                )  # fmt: skip
         return found
 
 
@@ -123,6 +128,14 @@ class CompareResult:
 
         return mean_rows(self.measured())
 
+    @property
+    def warnings(self) -> list[str]:
+        """What to beware of in the means: errors with different ε."""
+        from homofact.evaluation.means import mixed_epsilons
+
+        mixed = mixed_epsilons(self.measured()) if self.with_means else ""
+        return [mixed] if mixed else []
+
     def record(self) -> dict[str, Any]:
         """Return the JSON form."""
         records = [source.record() for source in self.sources]
@@ -135,6 +148,7 @@ class CompareResult:
                     "fetches": row.fetches,
                     "sources": row.sources,
                     "fits": row.fits,
+                    "epsilon": row.epsilon,
                     "metrics": {name: spread and spread.record() for name, spread in row.spreads.items()},
                 }
                 for row in self.means()
@@ -338,7 +352,9 @@ class _Comparison:
 def _files(plot: Place | None, csv: Place | None, latex: Place | None, sources: int) -> dict[str, Path]:
     """The files to write, by what they are. Raises BadInput where one cannot be put."""
     if plot is not None and sources > 1:
-        raise BadInput(where="plot", found=f"{sources} sources", expected="one for a figure")
+        raise BadInput(
+            where="plot", found=f"{sources} sources", expected="one for a figure; draw each in a run of its own"
+        )
     asked = (("plot", plot, (".png", ".pdf", ".svg")), ("csv", csv, (".csv",)), ("latex", latex, (".tex",)))
     places = {}
     for name, given, endings in asked:

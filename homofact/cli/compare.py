@@ -77,6 +77,8 @@ def compare(
         _show(source, screen, found.several)
     if found.with_means:
         screen.show(mean_table(found.means()))
+    for warning in found.warnings:
+        screen.note(f"homofact: {warning}")
     for name, file in found.files.items():
         screen.note(f"The {'figure' if name == 'plot' else 'table'}: {file}")
     screen.answer(found.record())

@@ -7,7 +7,7 @@ from rich.table import Table
 from rich.text import Text
 
 from homofact.cli.layout import add_figures, add_names, plain_table
-from homofact.evaluation.wording import counted, figure, shapes
+from homofact.evaluation.wording import brief_figure, counted, figure, shapes
 
 if TYPE_CHECKING:
     from homofact.evaluation.means import MeanRow
@@ -40,7 +40,7 @@ def error_table(records: Mapping[str, Mapping[str, Any]]) -> Table:
             table.add_row("" if key == "train" else Text(label), words, *(Text(f, style) for f in figures))
             if "spread" in record:
                 spread = record["spread"]["error"][key]
-                table.add_row("", "", *(Text(_deviation(spread[name]), "dim") for name in SIX))
+                table.add_row("", "", *(Text(_under(spread[name]), "dim") for name in SIX))
         table.add_section()
     return table
 
@@ -48,6 +48,12 @@ def error_table(records: Mapping[str, Mapping[str, Any]]) -> Table:
 def _deviation(spread: Mapping[str, float | None]) -> str:
     found = spread["standard_deviation"]
     return "" if found is None else f"± {figure(found)}"
+
+
+def _under(spread: Mapping[str, float | None]) -> str:
+    """The standard deviation for a line below its mean: two digits, so that six of them fit into 80 columns."""
+    found = spread["standard_deviation"]
+    return "" if found is None else f"±{brief_figure(found)}"
 
 
 def appearance_tables(records: Mapping[str, Mapping[str, Any]]) -> list[Table]:

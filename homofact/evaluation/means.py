@@ -33,13 +33,19 @@ _METHODS = {
 _LATEX = {"sr⁻²": r"$\mathrm{sr}^{-2}$", "sr⁻¹": r"$\mathrm{sr}^{-1}$", "sr⁻¹ᐟ³": r"$\mathrm{sr}^{-1/3}$", "dB": "dB"}
 _COLUMNS = (
     "source", "method", "bytes", "fetches", "sources", "fits", "metric", "unit", "mean", "standard_deviation", "min",
-    "max",
+    "max", "epsilon",
 )  # fmt: skip
+# Metrics of the log transform, whose values depend on its ε.
+OF_EPSILON = ("log_mse", "log_mae", "log_max")
 
 
 @dataclass(frozen=True)
 class MeasuredFit:
-    """One fit: what it is of and by, its bytes and fetches, and its metrics' numbers by name, None for no number."""
+    """One fit: what it is of and by, its bytes and fetches, and its metrics' numbers by name, None for no number.
+
+    `epsilon` is that of its log transform, `samples` how many the source has, `held_out` how many of them the numbers
+    are from.
+    """
 
     source: str
     method: str
@@ -47,13 +53,16 @@ class MeasuredFit:
     nbytes: int
     fetches: int
     values: dict[str, float | None]
+    epsilon: float
+    samples: int
+    held_out: int
 
 
 @dataclass(frozen=True)
 class MeanRow:
     """All fits by one method in so many bytes: of a source, or of all ("").
 
-    `spreads` are by metric; None where some fit has no number.
+    `spreads` are by metric; None where some fit has no number. `epsilon` is None where fits have different ones.
     """
 
     source: str
@@ -62,6 +71,7 @@ class MeanRow:
     fetches: int
     sources: int
     fits: int
+    epsilon: float | None
     spreads: dict[str, Spread | None]
 
 
@@ -110,8 +120,30 @@ def mean_rows(fits: Sequence[MeasuredFit], source: str = "") -> list[MeanRow]:
             some = [fit for fit in own if (fit.method, fit.nbytes) == (method, nbytes)]
             spreads = {name: _spread([fit.values[name] for fit in some]) for name in some[0].values}
             sources, fetches = len({fit.source for fit in some}), max(fit.fetches for fit in some)
-            rows.append(MeanRow(source, method, nbytes, fetches, sources, len(some), spreads))
+            epsilons = {fit.epsilon for fit in some}
+            epsilon = epsilons.pop() if len(epsilons) == 1 else None
+            rows.append(MeanRow(source, method, nbytes, fetches, sources, len(some), epsilon, spreads))
     return rows
+
+
+def mixed_epsilons(fits: Sequence[MeasuredFit]) -> str:
+    """Return a warning if means are over Cole errors with different ε, which cannot be compared; else nothing.
+
+    Examples
+    --------
+    >>> fits = [MeasuredFit(name, "mccool", 0, 12, 3, {"log_mse": 0.1}, e, 9, 2) for name, e in (("a", 1), ("b", 2))]
+    >>> mixed_epsilons(fits)
+    'log_mse: the mean is over different ε (a 1, b 2); for one ε give `epsilon=2`'
+    """
+    names = [name for name in (fits[0].values if fits else ()) if name in OF_EPSILON]
+    by_source = {fit.source: fit.epsilon for fit in fits}
+    if not names or len({fit.epsilon for fit in fits}) == 1:
+        return ""
+    listed = ", ".join(f"{name} {epsilon:g}" for name, epsilon in by_source.items())
+    what = "the mean is" if len(names) == 1 else "the means are"
+    return (
+        f"{', '.join(names)}: {what} over different ε ({listed}); for one ε give `epsilon={max(by_source.values()):g}`"
+    )
 
 
 def csv_of(fits: Sequence[MeasuredFit]) -> str:
@@ -125,7 +157,8 @@ def csv_of(fits: Sequence[MeasuredFit]) -> str:
             if spread is not None:
                 numbers = [_plain(x) for x in (spread.mean, spread.deviation, spread.low, spread.high)]
             about = (row.nbytes, row.fetches, row.sources, row.fits)
-            lines.append((row.source or "all", row.method, *about, name, METRICS[name].unit, *numbers))
+            of_epsilon = _plain(row.epsilon) if name in OF_EPSILON else ""
+            lines.append((row.source or "all", row.method, *about, name, METRICS[name].unit, *numbers, of_epsilon))
     return csv_text(lines)
 
 
@@ -134,12 +167,12 @@ def latex_of(fits: Sequence[MeasuredFit]) -> str:
     rows = mean_rows(fits)
     metrics = list(rows[0].spreads)
     heads = [_headed(name) for name in metrics]
-    sources = list(dict.fromkeys(fit.source for fit in fits))
+    sources = {fit.source for fit in fits}
     seeds = sorted({fit.seed for fit in fits})
     of = f"{counted(len(sources), 'source')} and {counted(len(seeds), 'seed')} ({', '.join(map(str, seeds))})"
     lines = [
         f"% homofact {__version__}: mean and standard deviation over the fits to {of}, on held-out samples.",
-        *(f"% {_comment(name)}" for name in sources),
+        *(f"% {_comment(line)}" for line in sources_in_words(fits)),
         r"% \usepackage{booktabs}",
         rf"\begin{{tabular}}{{l{'r' * (len(metrics) + 2)}}}",
         r"\toprule",
@@ -150,6 +183,30 @@ def latex_of(fits: Sequence[MeasuredFit]) -> str:
         r"\end{tabular}",
     ]
     return "\n".join(lines) + "\n"
+
+
+def sources_in_words(fits: Sequence[MeasuredFit]) -> list[str]:
+    """Return a line per source with the ε of its fits and how many samples were held out, and a warning if ε differs.
+
+    Examples
+    --------
+    >>> sources_in_words([MeasuredFit("paint", "mccool", 0, 12, 3, {"log_mse": 0.1}, 0.01, 1830, 366)])
+    ['paint: epsilon 0.01; 366 of 1830 samples held out']
+    """
+    first = {fit.source: fit for fit in reversed(fits)}
+    names = dict.fromkeys(fit.source for fit in fits)
+    lines = []
+    for name in names:
+        epsilons = " to ".join(f"{e:g}" for e in sorted({fit.epsilon for fit in fits if fit.source == name}))
+        one = first[name]
+        part = (
+            f"{one.held_out} of {one.samples} samples held out"
+            if one.held_out
+            else f"no sample of {one.samples} held out"
+        )
+        lines.append(f"{name}: epsilon {epsilons}; {part}")
+    warning = mixed_epsilons(fits)
+    return [*lines, *([f"Beware: {warning}"] if warning else [])]
 
 
 def _line(row: MeanRow) -> str:

@@ -25,6 +25,19 @@ def figure(value: float | None) -> str:
     return f"{value:.3g}" if value == 0 or 1e-4 <= abs(value) < 1e5 else f"{value:.1e}"
 
 
+def brief_figure(value: float) -> str:
+    """Return two significant digits in at most seven characters; whole numbers from 100 to 99,999 have all theirs.
+
+    Examples
+    --------
+    >>> [brief_figure(value) for value in (0.0, 0.000394, 9.14e-5, 199.2)]
+    ['0', '0.00039', '9.1e-05', '199']
+    """
+    if 100 <= abs(value) < 1e5:
+        return f"{value:.0f}"
+    return f"{value:.2g}" if value == 0 or 1e-4 <= abs(value) < 100 else f"{value:.1e}"
+
+
 def findings_named(names: Sequence[str]) -> str:
     """Findings by name, as they follow a verdict's sentence: " (noted: coverage, light)"; "" where there is none.
 

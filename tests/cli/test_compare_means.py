@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+import homofact
+from homofact.brdf.formats.csv import write as write_csv
 from homofact.cli.main import main
 
 FAST = ["material:phong-10", "material:lafortune-clay", "--count", "300", "--size", "5", "--methods", "mccool,cole"]
@@ -46,10 +48,26 @@ def test_several_sources_and_seeds_are_one_table(capsys: pytest.CaptureFixture[s
 
 
 @pytest.mark.usefixtures("fast")
+def test_a_measurement_beside_a_model_has_another_epsilon(capsys: pytest.CaptureFixture[str]) -> None:
+    write_csv("clay.csv", homofact.read("material:lafortune-clay", count=300).samples)
+    line = ["compare", "clay.csv", *FAST[:1], "--count", "300", "--size", "5", "--methods", "mccool"]
+    assert main([*line, "--latex", "a.tex", "--csv", "a.csv"]) == 0
+    words = "log_mse, log_mae, log_max: the means are over different ε (clay.csv 0.01, phong-10 1e-05); for one ε give"
+    assert f"homofact: {words} --epsilon 0.01\n" in capsys.readouterr().err
+    latex = Path("a.tex").read_text(encoding="utf-8").splitlines()
+    assert latex[1] == "% clay.csv: epsilon 0.01; 60 of 300 samples held out"
+    assert latex[3] == f"% Beware: {words} `epsilon=0.01`"
+    assert main([*line, "--epsilon", "0.01", "--latex", "a.tex", "--force", "--json"]) == 0
+    streams = capsys.readouterr()
+    assert "different" not in streams.err
+    assert [each["epsilon"] for each in json.loads(streams.out)["means"]] == [0.01]
+
+
+@pytest.mark.usefixtures("fast")
 @pytest.mark.parametrize(
     ("more", "words"),
     [
-        (["--plot", "a.png"], "plot: found 2 sources, expected one for a figure"),
+        (["--plot", "a.png"], "plot: found 2 sources, expected one for a figure; draw each in a run of its own"),
         (["--csv", "a.txt"], "a.txt: ends in '.txt', expected .csv"),
         (["--latex", "a"], "a: ends in nothing, expected .tex"),
         (["--seeds", "1,1"], "seeds: found '1,1', expected different seeds"),

@@ -7,6 +7,8 @@ from rich.console import Console
 
 from homofact.cli.layout import LEAST_NAME, add_figures, add_names, hanging, plain_table
 from homofact.cli.screen import Screen
+from homofact.cli.tables import error_table
+from homofact.evaluation.metric_table import SIX
 
 FIGURES = ["30%", "66%", "123456", "1", "2"]
 
@@ -55,3 +57,35 @@ def test_a_title_wraps_at_the_terminal_and_not_at_its_table(
     said = [line.rstrip() for line in capsys.readouterr().out.splitlines()]
     assert said[:2] == ["Errors of the fits, and what they cost", "on this machine"]
     assert table.title is not None
+
+
+def test_figures_of_several_seeds_are_whole_in_80_columns() -> None:
+    means, deviations = (
+        [1.23e-5, 0.000567, 2170.0, 0.00995, 98765.0, 12.3],
+        [9.14e-5, 0.000394, 199.2, 1.2e-6, 98765.0, 0],
+    )
+    error = dict(zip(SIX, means, strict=True))
+    spread = {name: {"standard_deviation": each} for name, each in zip(SIX, deviations, strict=True)}
+    record = {
+        "seeds": [0, 1], "epsilon": 0.01, "error": {"held_out": error, "train": error},
+        "spread": {"error": {"held_out": spread, "train": spread}},
+    }  # fmt: skip
+    out = io.StringIO()
+    Console(file=out, width=80).print(error_table({"gaussians": record}))
+    shown = out.getvalue()
+    assert "…" not in shown
+    assert max(map(len, shown.splitlines())) <= 80
+    assert shown.split().count("gaussians") == 1
+    for words in (
+        "held out",
+        "training",
+        "1.2e-05",
+        "98765",
+        "±9.1e-05",
+        "±0.00039",
+        "±199",
+        "±1.2e-06",
+        "±98765",
+        "±0",
+    ):
+        assert words in shown, words

@@ -15,6 +15,7 @@ from homofact.errors import BadInput
 from homofact.evaluation.compare import fit_and_measure, held_out_samples
 from homofact.evaluation.judging import FitEvaluator, chosen_metrics
 from homofact.evaluation.metric_table import LIGHT, METRICS, SIX
+from homofact.evaluation.wording import brief_figure
 from homofact.methods.mccool import McCool
 
 SIZE = ["material:blinn-phong-50", "--count", "600", "--size", "6"]
@@ -140,4 +141,4 @@ def test_several_seeds_are_means_with_their_spread(capsys: pytest.CaptureFixture
     assert main(command) == 0
     out = capsys.readouterr().out
     assert "mean ± standard deviation of 3 seeds" in " ".join(out.split())
-    assert f"± {spread['standard_deviation']:.3g}" in out
+    assert f"±{brief_figure(spread['standard_deviation'])}" in out

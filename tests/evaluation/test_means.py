@@ -5,6 +5,7 @@ import io
 import math
 import shutil
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -12,7 +13,7 @@ from pylatexenc.latex2text import LatexNodes2Text
 from pylatexenc.latexwalker import LatexEnvironmentNode, LatexWalker
 
 from homofact.errors import BadInput
-from homofact.evaluation.means import MeasuredFit, csv_of, escaped, latex_of, mean_rows, rounded
+from homofact.evaluation.means import MeasuredFit, csv_of, escaped, latex_of, mean_rows, mixed_epsilons, rounded
 from homofact.evaluation.metric_table import METRICS
 from homofact.evaluation.seeds import asked_seeds
 from homofact.methods.table import ALL_METHODS
@@ -21,7 +22,8 @@ HOSTILE = r"50%_of #1 & {a}\input{x} $x$ ~^ <b>|\"quoted\""
 
 
 def fit(source: str, method: str, seed: int, nbytes: int, log_mse: float | None, psnr: float = 30.0) -> MeasuredFit:
-    return MeasuredFit(source, method, seed, nbytes, 3, {"log_mse": log_mse, "mae": 0.5, "psnr": psnr})
+    numbers = {"log_mse": log_mse, "mae": 0.5, "psnr": psnr}
+    return MeasuredFit(source, method, seed, nbytes, 3, numbers, 0.01, 300, 60)
 
 
 FITS = [
@@ -87,6 +89,29 @@ def test_the_csv_reads_back_to_the_last_bit() -> None:
     assert picked["paint", "search", "6144", "log_mse"]["fits"] == "2"
 
 
+def test_means_over_different_epsilons_are_named() -> None:
+    mixed = [replace(one, epsilon=1e-5) if one.source == "clay" else one for one in FITS]
+    assert mixed_epsilons(FITS) == ""
+    words = "log_mse: the mean is over different ε (paint 0.01, clay 1e-05); for one ε give `epsilon=0.01`"
+    assert mixed_epsilons(mixed) == words
+    assert f"% Beware: {words}" in latex_of(mixed)
+    assert "Beware" not in latex_of(FITS)
+    # Errors of f have no ε.
+    assert mixed_epsilons([replace(one, values={"mae": 0.5}) for one in mixed]) == ""
+    assert [row.epsilon for row in mean_rows(mixed)] == [1e-5, None, None]
+    rows = list(csv.DictReader(io.StringIO(csv_of(mixed))))
+    found = {(row["source"], row["metric"]): row["epsilon"] for row in rows if row["method"] == "mccool"}
+    assert (found["all", "log_mse"], found["paint", "log_mse"], found["clay", "log_mse"]) == ("", "0.01", "1e-05")
+    assert found["paint", "mae"] == ""
+
+
+def test_the_latex_names_the_samples_of_each_source() -> None:
+    whole = [replace(one, held_out=0) if one.source == "clay" else one for one in FITS]
+    lines = latex_of(whole).splitlines()
+    assert lines[1] == "% paint: epsilon 0.01; 60 of 300 samples held out"
+    assert lines[2] == "% clay: epsilon 0.01; no sample of 300 held out"
+
+
 def cells(latex: str) -> list[list[str]]:
     """The rows of the only tabular as a strict parser of LaTeX reads them, as text."""
     nodes, _, _ = LatexWalker(latex, tolerant_parsing=False).get_latex_nodes()
@@ -146,7 +171,7 @@ def test_a_compiler_takes_the_table(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", METRICS)
 def test_every_metric_has_a_head_in_latex(name: str) -> None:
-    fits = [MeasuredFit("paint", "mccool", 0, 12, 3, {name: 0.5})]
+    fits = [MeasuredFit("paint", "mccool", 0, 12, 3, {name: 0.5}, 0.01, 300, 60)]
     assert METRICS[name].unit == "" or "(" in cells(latex_of(fits))[0][-1]
 
 
