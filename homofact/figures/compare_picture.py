@@ -42,6 +42,8 @@ from homofact.rendering.surface import ToRgb
 from homofact.rendering.tonemap import DEFAULT_CURVE, automatic_exposure, tonemap
 
 FLOOR = 0.05
+# The part of the pixels that the scale of a difference holds.
+HELD = 0.98
 _BLACK = 1e-4  # of white: a fortieth of the darkest code value that is not 0
 LIGHTS = ("point light", f"round lamp {2 * LAMP_RADIUS:g}° wide", "sky")
 _LUMINANCE = (0.2126, 0.7152, 0.0722)
@@ -148,8 +150,8 @@ def compare_picture(
         words = "beyond the measurement: most light there falls from directions not measured with this view"
         end = page.text(words, _GAP + 2 * LINE + 8, end, page.width - 3 * _GAP - 2 * LINE)
     page.text(
-        f"Right of each fit, on a scale of its own: (fit − source) / (source + {FLOOR:.0%} of white) in luminance; red"
-        " is too bright, grey is unlit. Linear sRGB, white point D65.",
+        f"Right of each fit, on a scale that holds {HELD:.0%} of its pixels: (fit − source) / (source + {FLOOR:.0%} of"
+        " white) in luminance; red is too bright, grey is unlit. Linear sRGB, white point D65.",
         _GAP,
         end,
         page.width - 2 * _GAP,
@@ -216,7 +218,7 @@ def _luminance(radiance: Tensor) -> Tensor:
 
 def _reach(sizes: np.ndarray) -> float:
     """The smallest round range that holds 98% of the pixels."""
-    most = float(np.quantile(sizes, 0.98)) if sizes.size else 0.0
+    most = float(np.quantile(sizes, HELD)) if sizes.size else 0.0
     return next((scale for scale in _RANGES if scale >= most), _RANGES[-1])
 
 
