@@ -28,7 +28,8 @@ def test_vectors_cut_short_are_those_of_fewer_coefficients(figures: ModuleType) 
         relit.relight(light(8))
         found.append(relit.tuples)
     assert cut.mean_kept <= 20
-    assert found[0] == pytest.approx(found[1], rel=0.02, abs=0.02 * float(np.abs(found[1]).max()))
+    # Numbers are rounded to a quarter of what is left out, the cut ones to finer steps.
+    assert found[0] == pytest.approx(found[1], rel=0.03, abs=0.03 * float(np.abs(found[1]).max()))
 
 
 def test_the_lamp_sends_what_a_furnace_does(figures: ModuleType) -> None:

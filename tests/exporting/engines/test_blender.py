@@ -121,7 +121,7 @@ def test_hostile_names_stay_names(name: str) -> None:
 def test_the_engine_and_what_it_refuses() -> None:
     made = exported(isotropic(), format_named("exr"))
     added = BLENDER.add(made)
-    assert list(added.files) == [NAME]
+    assert list(added.files) == [NAME, "README.md"]
     assert not added.looks
     assert added.light is not None
     assert added.light.errors == {"a sky": 0.02}
