@@ -161,16 +161,16 @@ def export(
         raise BadInput(where="prefilter-side", found="it without a sky", expected="prefilter, the sky to filter")
     given = given_fit(fit)
     source = None if source is None else given_source(source)
-    kept = None if asked is not None or given.place is None else _kept_format(given.place)
-    name = asked or kept or "exr"
 
     from homofact.containers.formats import format_named
+    from homofact.exporting.exported_reader import whole_format
     from homofact.files.folder import check_new_folder
     from homofact.files.kinds import EXPORT
     from homofact.rendering.environment import read_environment
     from homofact.rendering.sky_chain import check_side
 
-    of_engine = None
+    kept = None if asked is not None or given.place is None else whole_format(given.place)
+    name, of_engine = asked or kept or "exr", None
     if engine is not None:
         from homofact.exporting.engines.table import engine_named
 
@@ -196,13 +196,6 @@ def export(
             steps.stage("filtering the environment")
             made = replace(made, prefiltered=prefiltered_export(made.stored, light, made.format, side))
         return work.write(given.words, folder, made, rows, of_engine, force)
-
-
-def _kept_format(place: Path) -> str | None:
-    """The format that a fit at a place keeps: that of an export with whole texels."""
-    from homofact.exporting.exported_reader import whole_format
-
-    return whole_format(place) if place.is_dir() else None
 
 
 def _format_of(form: str | None, quantize: str | None) -> str | None:

@@ -163,13 +163,7 @@ class BumpsOnGpu {
   constructor(gl, object) {
     const { bumps, normals, tangents, map: { size, channels } } = object, { width, height, texels, view, tilts, nodes } = bumps;
     Object.assign(this, { gl, reach: bumps.reach });
-    const bytes = new Uint8Array(4 * width * height).fill(255);
-    for (let t = 0; t < width * height; t++) bytes.set(texels.subarray(3 * t, 3 * t + 3), 4 * t);
-    this.map = makeTexture(gl, gl.TEXTURE_2D, gl.LINEAR);
-    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.LINEAR_MIPMAP_LINEAR);
-    for (const name of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) gl.texParameteri(gl.TEXTURE_2D, name, gl.REPEAT);
-    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, width, height, 0, gl.RGBA, gl.UNSIGNED_BYTE, bytes);
-    gl.generateMipmap(gl.TEXTURE_2D);
+    this.map = repeatedTexture(gl, gl.RGBA8, width, height, texels);
     const kind = gl.linearFloats ? gl.RGBA32F : gl.RGBA16F, layered = (side, count, values) => {
       const texture = makeTexture(gl, gl.TEXTURE_2D_ARRAY, gl.LINEAR);
       gl.texImage3D(gl.TEXTURE_2D_ARRAY, 0, kind, side, side, count, 0, gl.RGBA, gl.FLOAT, values);

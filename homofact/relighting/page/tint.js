@@ -41,17 +41,23 @@ function tintedParts(name, { tinted }) {
   return `const vec3 ${name}[${rows.length}] = vec3[${rows.length}](${rows.join(", ")});\n`;
 }
 
-// A texture on the graphics card, with smaller copies for what is far away.
+/** A texture of bytes, three a texel, that repeats and has smaller copies for what is far away. */
+function repeatedTexture(gl, form, width, height, bytes) {
+  const texels = new Uint8Array(4 * width * height).fill(255);
+  for (let t = 0; t < width * height; t++) texels.set(bytes.subarray(3 * t, 3 * t + 3), 4 * t);
+  const texture = makeTexture(gl, gl.TEXTURE_2D, gl.LINEAR);
+  gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.LINEAR_MIPMAP_LINEAR);
+  for (const name of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) gl.texParameteri(gl.TEXTURE_2D, name, gl.REPEAT);
+  gl.texImage2D(gl.TEXTURE_2D, 0, form, width, height, 0, gl.RGBA, gl.UNSIGNED_BYTE, texels);
+  gl.generateMipmap(gl.TEXTURE_2D);
+  return texture;
+}
+
+// A base-colour texture on the graphics card.
 class TintOnGpu {
   constructor(gl, { width, height, bytes, scale }) {
     Object.assign(this, { gl, scale });
-    const texels = new Uint8Array(4 * width * height).fill(255);
-    for (let t = 0; t < width * height; t++) texels.set(bytes.subarray(3 * t, 3 * t + 3), 4 * t);
-    this.texture = makeTexture(gl, gl.TEXTURE_2D, gl.LINEAR);
-    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.LINEAR_MIPMAP_LINEAR);
-    for (const name of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) gl.texParameteri(gl.TEXTURE_2D, name, gl.REPEAT);
-    gl.texImage2D(gl.TEXTURE_2D, 0, gl.SRGB8_ALPHA8, width, height, 0, gl.RGBA, gl.UNSIGNED_BYTE, texels);
-    gl.generateMipmap(gl.TEXTURE_2D);
+    this.texture = repeatedTexture(gl, gl.SRGB8_ALPHA8, width, height, bytes);
   }
 
   /** Binds what the surface's shader reads. */
