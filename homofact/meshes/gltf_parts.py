@@ -20,6 +20,8 @@ from homofact.files.reading import read_bytes, split_member
 from homofact.meshes.gltf import gltf_header, parse_parts
 from homofact.meshes.mesh import Mesh, mesh_of
 from homofact.meshes.tangent_space import with_tangents
+from homofact.meshes.texture_transform import NAME as TRANSFORM
+from homofact.meshes.texture_transform import TextureTransform
 
 ENDINGS = (".gltf", ".glb")
 MOST_PARTS, _LARGEST_SIDE = 256, 1024
@@ -116,7 +118,8 @@ def _parts(path: str, _state: tuple[int, int] | None) -> tuple[GltfPart, ...]:
             chosen = f"{first} {k}"
         mesh = mesh_of(own, target, fitted=False)
         mesh = replace(mesh, positions=(mesh.positions - middle) / radius, name=chosen)
-        material = _material(f"{target}: {chosen}", visual, mesh, written)
+        material, moved = _material(f"{target}: {chosen}", visual, mesh, written)
+        mesh = mesh if mesh.uv is None else replace(mesh, uv=moved.applied(mesh.uv))
         bumpy = material is not None and material.normals is not None
         mesh = with_tangents(mesh) if bumpy else replace(mesh, tangents=None)
         found.append(GltfPart(chosen, mesh, material))
@@ -139,10 +142,13 @@ def _written(header: dict[str, Any]) -> dict[str, dict[str, Any]]:
     return {str(number): each for number, each in enumerate(found) if isinstance(each, dict)}
 
 
-def _material(where: str, visual: Any, mesh: Mesh, written: dict[str, dict[str, Any]]) -> GltfMaterial | None:
+def _material(
+    where: str, visual: Any, mesh: Mesh, written: dict[str, dict[str, Any]]
+) -> tuple[GltfMaterial | None, TextureTransform]:
+    """(the material, what is done to the mesh's texture coordinates before its pictures are read)."""
     given = getattr(visual, "material", None)
     if given is None or not hasattr(given, "baseColorFactor"):
-        return None
+        return None, TextureTransform()
     colour = given.baseColorFactor
     red, green, blue = (1.0, 1.0, 1.0) if colour is None else _factors(np.asarray(colour)[:3])
     metallic = 1.0 if given.metallicFactor is None else float(given.metallicFactor)
@@ -162,9 +168,28 @@ def _material(where: str, visual: Any, mesh: Mesh, written: dict[str, dict[str, 
     normals, remarks = _normals(given, own, mesh, where)
     left = [words for key, words in _LEFT_OUT.items() if _is_there(getattr(given, key, None))]
     left += remarks
+    moved, remarks = _moved(own, picture is not None, normals is not None, where)
+    left += remarks
     extensions = own.get("extensions")
     left += sorted(extensions) if isinstance(extensions, dict) else []
-    return GltfMaterial((red, green, blue), metallic, roughness, picture, normals, tuple(dict.fromkeys(left)))
+    found = GltfMaterial((red, green, blue), metallic, roughness, picture, normals, tuple(dict.fromkeys(left)))
+    return found, moved
+
+
+def _moved(own: dict[str, Any], coloured: bool, bumpy: bool, where: str) -> tuple[TextureTransform, tuple[str, ...]]:
+    """(what is done to the texture coordinates for the pictures that are used, what of it is left out).
+
+    A mesh has one set of them, which is kept as the file has it where its two pictures have different transforms.
+    """
+    model = own.get("pbrMetallicRoughness")
+    colour = model.get("baseColorTexture") if isinstance(model, dict) else None
+    used = {"its texture": colour} if coloured else {}
+    used |= {"its normal map": own.get("normalTexture")} if bumpy else {}
+    none = TextureTransform()
+    moves = {words: TextureTransform.of(info, where) for words, info in used.items()}
+    if len(set(moves.values())) > 1:
+        return none, tuple(f"{TRANSFORM} of {words}" for words, move in moves.items() if move != none)
+    return next(iter(moves.values()), none), ()
 
 
 def _normals(given: Any, own: dict[str, Any], mesh: Mesh, where: str) -> tuple[np.ndarray | None, list[str]]:
@@ -188,7 +213,8 @@ def _normals(given: Any, own: dict[str, Any], mesh: Mesh, where: str) -> tuple[n
     length = np.linalg.norm(normals, axis=-1, keepdims=True)
     normals = np.where(length > 1e-6, normals / length.clip(1e-6), (0.0, 0.0, 1.0)).astype(np.float32)
     extensions = info.get("extensions")
-    left = [f"{name} of its normal map" for name in extensions] if isinstance(extensions, dict) else []
+    names = [name for name in extensions if name != TRANSFORM] if isinstance(extensions, dict) else []
+    left = [f"{name} of its normal map" for name in names]
     return (normals if normals[..., :2].any() else None), left
 
 
