@@ -212,7 +212,7 @@ def chart_table(title: str, records: Sequence[Mapping[str, Any]], base: float | 
         luck = _deviation(record["spread"]["error"]["held_out"]["log_mse"]) if "spread" in record else ""
         table.add_row(
             Text(f"{record['label']} {record['search'] if several else ''}".strip()),
-            f"{record['textures']} × {record['size']}²",
+            f"{record['textures']} × {record['size']}²" if record["size"] else "–",
             Text(figure(held), "bold"),
             *((luck,) if spread else ()),
             "–" if base is None else f"×{held / base:.2f}" if held >= 0.1 * base else f"×{held / base:.2g}",

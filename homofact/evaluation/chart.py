@@ -14,7 +14,7 @@ from dataclasses import dataclass, fields, replace
 from homofact.brdf.source import Source
 from homofact.brdf.source_names import HELD_OUT
 from homofact.errors import BadInput, HomofactError, Status
-from homofact.evaluation.chart_ledger import ChartLedger, ChartRow, Identity, series_name
+from homofact.evaluation.chart_ledger import ChartLedger, ChartRow, Identity, run_name, series_name
 from homofact.evaluation.compare import ComparisonRow, fit_and_measure
 from homofact.evaluation.estimate import TimeEstimate, fit_seconds, training_count
 from homofact.evaluation.machine import machine
@@ -59,7 +59,7 @@ class Run:
     def name(self) -> str:
         """The run in words."""
         seed = "" if self.settings.seed == self.split_seed else f", seed {self.settings.seed}"
-        return f"{self.series}, {self.textures} × {self.settings.size}²{seed}"
+        return f"{run_name(self.series, self.textures, self.settings.size)}{seed}"
 
 
 def plan(

@@ -29,6 +29,11 @@ def series_name(label: str, search: str) -> str:
     return f"{label} ({search})" if search else label
 
 
+def run_name(series: str, textures: int, size: int) -> str:
+    """Return the name of a run: "cole, 2 × 16²", or "ggx" for a model without textures, whose `size` is 0."""
+    return f"{series}, {textures} × {size}²" if size else series
+
+
 @dataclass(frozen=True)
 class Identity:
     """The values that decide whether a line of a CSV matches a run."""
@@ -90,7 +95,7 @@ class ChartRow:
     @property
     def name(self) -> str:
         """The run in words, with the textures that were kept."""
-        return f"{self.series}, {self.textures} × {self.size}²"
+        return run_name(self.series, self.textures, self.size)
 
     @property
     def is_reference(self) -> bool:

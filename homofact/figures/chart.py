@@ -141,7 +141,8 @@ def _frame(figure: Figure, rows: Sequence[ChartRow], what: str, looks: dict[str,
 def _caption(rows: Sequence[ChartRow]) -> list[str]:
     """What the labels say, and under which conditions the numbers hold."""
     first = rows[0]
-    caption = ["Labels: number of textures × their size in texels."]
+    bare = ", or bytes of a model without textures" if any(row.size == 0 for row in rows) else ""
+    caption = [f"Labels: number of textures × their size in texels{bare}."]
     most = max(len(point.rows) for point in points_of(rows))
     if most > 1:
         mean = f"the mean of up to {most} fits by different seeds"

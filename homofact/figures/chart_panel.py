@@ -21,11 +21,23 @@ _Place = tuple[float, float]
 
 @dataclass(frozen=True)
 class CostAxis:
-    """What a chart has to the right: its words, its value, and the ticks between two ends for its values."""
+    """What a chart has to the right: its words, its value, the ticks between two ends for its values, and its scale.
+
+    A cost that may be 0, as the fetches of a model without textures, needs a linear scale.
+    """
 
     words: str
     of: Callable[[ChartPoint], Spread]
     ticks: Callable[[float, float, Sequence[float]], list[float]]
+    logarithmic: bool = True
+
+    def ends(self, costs: Sequence[Spread]) -> tuple[float, float]:
+        """Return the left and the right end of the axis, with room beside the points."""
+        low, high = min(cost.low for cost in costs), max(cost.high for cost in costs)
+        if self.logarithmic:
+            return low / 1.5, high * 1.6
+        room = 0.15 * max(high - low, 1.0)
+        return low - room, high + 2 * room
 
 
 def _doubling(low: float, high: float, _: Sequence[float]) -> list[float]:
@@ -40,6 +52,7 @@ FETCHES = CostAxis(
     "texture fetches of one evaluation",
     lambda point: point.fetches,
     lambda low, high, values: sorted({float(round(value)) for value in values}),
+    logarithmic=False,
 )
 
 
@@ -68,9 +81,9 @@ class Panel:
     def draw(self, looks: dict[str, Look], base: ChartPoint | None, limits: tuple[float, float]) -> list[_Place]:
         """Axes, points, bars, front and reference line; the corners of the front in data coordinates."""
         axes, costs = self.axes, [self.cost.of(point) for point in self.points]
-        left, right = min(cost.low for cost in costs) / 1.5, max(cost.high for cost in costs) * 1.6
+        left, right = self.cost.ends(costs)
         log_y(axes, *limits)
-        axes.set_xscale("log")
+        axes.set_xscale("log" if self.cost.logarithmic else "linear")
         axes.set_xlim(left, right)
         set_ticks(axes.xaxis, self.cost.ticks(left, right, [cost.mean for cost in costs]))
         axes.set_xlabel(self.cost.words)
@@ -100,7 +113,7 @@ class Panel:
         on = set(front(self.places))
         labels = []
         for i, (point, place) in enumerate(zip(self.points, self.places, strict=True)):
-            words = f"{point.textures}×{point.first.size}²"
+            words = f"{point.textures}×{point.first.size}²" if point.first.size else f"{point.first.bytes} bytes"
             if i in on and base is not None and not point.is_reference:
                 share = point.error.mean / base.error.mean
                 words += f"  ×{share:.2f}" if share >= 0.1 else f"  ×{share:.2g}"

@@ -175,3 +175,21 @@ def test_no_state_of_matplotlib_is_left_changed(many: list[ChartRow], tmp_path: 
     before = dict(matplotlib.rcParams)
     write_charts(tmp_path, "a", many)
     assert dict(matplotlib.rcParams) == before
+
+
+@pytest.mark.parametrize("labels", [("mccool", "ggx"), ("ggx",)])
+def test_a_model_without_textures_stands_at_no_fetches_and_has_its_bytes_as_label(
+    labels: tuple[str, ...], many: list[ChartRow], tmp_path: Path
+) -> None:
+    source = open_source("material:blinn-phong-50", count=150)
+    runs = plan(made_each(labels, {"size": 8} if "mccool" in labels else {}), (1,), (8,), ("gradient",))
+    rows = run_chart(source, runs, ChartLedger(tmp_path / "a.csv"))
+    assert [row.name for row in rows] == ["mccool, 2 × 8²", "ggx"][-len(labels) :]
+    assert [run.name for run in runs][-1] == "ggx"
+    write_charts(tmp_path, "a", rows)
+    fetches = cost_chart(rows).axes[1]
+    low, high = fetches.get_xlim()
+    assert low < 0 < min(high, max(row.fetches for row in rows) + 1)
+    assert [text.get_text() for text in fetches.get_xticklabels()] == ["0", "3"][: len(labels)]
+    words = {text.get_text().split("  ")[0] for text, _ in labels_of(cost_chart(rows))}
+    assert words == {"2×8²", "32 bytes"} if len(labels) == 2 else words == {"32 bytes"}
