@@ -18,7 +18,7 @@ from homofact.brdf.source_names import (
 )
 from homofact.errors import BadInput
 from homofact.methods.search import Search
-from homofact.methods.table import METHODS, MODELS_BY_NAME, made, made_each
+from homofact.methods.table import METHODS, MODELS_BY_NAME, made, made_each, unused_settings
 from homofact.settings.options import check_options, none_twice, option
 
 if TYPE_CHECKING:
@@ -112,9 +112,10 @@ class CompareSettings(_Checked):
 
     A method is a name, `mccool:` and fixed projections joined with "+" (`mccool:theta_h-theta_d+wi`), or `ggx:` and a
     number of lobes. `plot` is the figure's file, where one is wanted. `metrics` names what they are measured by: six,
-    all, or single metrics; `csv` and `latex` are files for their means and standard deviations over sources and seeds.
-    With the folder `chart`, each source is fitted by methods × `textures` × `size` × `search` instead. McCool's
-    fixed lists take neither counts nor searches, and only `search` takes searches.
+    all, or single metrics; `csv` and `latex` are files for their means and standard deviations over sources and seeds,
+    and with `by_source` the LaTeX table also has rows for each source. With the folder `chart`, each source is fitted
+    by methods × `textures` × `size` × `search` instead. McCool's fixed lists take neither counts nor searches, and only
+    `search` takes searches.
     """
 
     sources: tuple[str, ...] = option(
@@ -128,6 +129,7 @@ class CompareSettings(_Checked):
     plot: str | None = option(None, "Draw the errors (.png, .pdf, .svg)", metavar="FILE")
     csv: str | None = option(None, "Write means and standard deviations over sources and seeds (.csv)", metavar="FILE")
     latex: str | None = option(None, "Write the same as a LaTeX table for booktabs (.tex)", metavar="FILE")
+    by_source: bool = option(False, "In the LaTeX table, also give the rows of each source")
     metrics: tuple[str, ...] = option(
         ("six",), "Metrics: six, all, or names separated by commas (an unknown name lists all)"
     )
@@ -211,6 +213,10 @@ class FitSection:
     def methods(self, labels: Iterable[str]) -> "dict[str, Method]":
         """Return the methods of several labels, each with those of the settings that it has."""
         return self._placed(lambda: made_each(labels, self.settings))
+
+    def unused(self, labels: Iterable[str]) -> dict[str, str]:
+        """Return the settings that none of the methods of these labels has, each with a sentence about it."""
+        return unused_settings(labels, self.settings)
 
     def with_settings(self, settings: Mapping[str, Any]) -> "FitSection":
         """Return the section with other settings, which replace or extend its own."""

@@ -95,6 +95,8 @@ class CompareResult:
         Whether Ctrl-C ended it before all of them were done.
     files : dict of Path
         The files that were written: "plot", "csv", "latex".
+    by_source : bool
+        Whether the LaTeX table also has rows for each source.
     """
 
     sources: tuple[SourceComparison, ...]
@@ -102,6 +104,7 @@ class CompareResult:
     several: bool
     interrupted: bool
     files: dict[str, Path]
+    by_source: bool = False
 
     @property
     def rows(self) -> "dict[str, SeedRows]":
@@ -167,6 +170,7 @@ def compare(
     plot: Place | None = None,
     csv: Place | None = None,
     latex: Place | None = None,
+    by_source: bool = False,
     strict: bool | float = False,
     refuse: Sequence[str] = (),
     progress: Progress | None = None,
@@ -191,6 +195,8 @@ def compare(
         "six", "all", or names of metrics.
     plot, csv, latex : path, optional
         Files to write: a figure of the errors (.png, .pdf, .svg; one source only), and the means (.csv, .tex).
+    by_source : bool, optional
+        Whether the LaTeX table also has rows for each source. Needs `latex`.
     strict : bool or float, optional
         Raise an error if the verdict warns; a number is the largest accepted probability of a bad fit.
     refuse : sequence of str, optional
@@ -220,6 +226,8 @@ def compare(
     several = isinstance(source, list | tuple) and not _is_samples(source)
     sources = [given_source(one) for one in (source if several else [source])]
     files = _files(plot, csv, latex, len(sources))
+    if by_source and latex is None:
+        raise BadInput(where="by_source", found="no LaTeX table", expected="a file for one (latex)")
     fits = named_methods(methods, settings | {"seed": seed})
 
     from homofact.evaluation.judging import chosen_metrics
@@ -235,7 +243,8 @@ def compare(
     opened = [open_given(one, seed) for one in sources]
     work.steps.warm_up()
     done, interrupted = work.run(opened, [subset_of(one) for one in sources])
-    result = CompareResult(tuple(done), len(opened) * len(fits), several and len(sources) > 1, interrupted, files)
+    several = several and len(sources) > 1
+    result = CompareResult(tuple(done), len(opened) * len(fits), several, interrupted, files, by_source)
     _write(result, work.steps)
     return result
 
@@ -379,7 +388,8 @@ def _write(result: CompareResult, steps: ProgressSteps) -> None:
 
             plot_rows(place, list(result.rows.values()))
         else:
-            write_text(place, (csv_of if name == "csv" else latex_of)(result.measured()))
+            fits = result.measured()
+            write_text(place, csv_of(fits) if name == "csv" else latex_of(fits, by_source=result.by_source))
 
 
 def _is_samples(source: Any) -> bool:

@@ -9,13 +9,15 @@ from homofact.methods.table import methods_with, parsed_label
 from homofact.sections import CHARTED
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from homofact.cli.screen import Screen
     from homofact.config import Config
     from homofact.methods.method import Method
-    from homofact.sections import CompareSettings, SourceSettings
+    from homofact.sections import CompareSettings, FitSection, SourceSettings
 
 # What `compare` gives without a chart.
-_TABLES = ("plot", "csv", "latex", "metrics")
+_TABLES = ("plot", "csv", "latex", "by_source", "metrics")
 
 
 def draw_charts(
@@ -32,7 +34,7 @@ def draw_charts(
     if not seeds.isdecimal() or int(seeds) < 1:
         raise BadInput(where="seeds", found=repr(seeds), expected="a whole number of at least 1 for a chart")
     varied = varied_settings(asked)
-    methods = charted_methods(settings)
+    methods = charted_methods(settings, screen)
 
     from homofact.api.charting import chart
 
@@ -60,11 +62,10 @@ def varied_settings(asked: "CompareSettings") -> dict[str, Any]:
     return {name: getattr(asked, name) or usual for name, usual in CHARTED.items()}
 
 
-def charted_methods(settings: "Config") -> "dict[str, Method]":
-    """Return the methods by label, as the first of a chart's runs has them.
+def charted_methods(settings: "Config", screen: "Screen") -> "dict[str, Method]":
+    """Return the methods by label, as the first of a chart's runs has them; a note names settings without effect.
 
-    The values that the chart varies override [fit]. Raises BadInput for counts, sizes or searches if no method has
-    such a setting.
+    The values that the chart varies override [fit].
     """
     wanted = settings.compare
     names = {parsed_label(label)[0] for label in wanted.methods}
@@ -74,11 +75,11 @@ def charted_methods(settings: "Config") -> "dict[str, Method]":
         for name, values in varied.items()
         if getattr(wanted, name) is not None or not names.isdisjoint(methods_with(name))
     }
-    return settings.fit.without(*varied).with_settings(first).methods(wanted.methods)
+    return _made(settings.fit.without(*varied).with_settings(first), wanted.methods, screen)
 
 
-def compared_methods(settings: "Config") -> "dict[str, Method]":
-    """Return the methods by label, for a comparison without a chart.
+def compared_methods(settings: "Config", screen: "Screen") -> "dict[str, Method]":
+    """Return the methods by label, for a comparison without a chart; a note names settings without effect.
 
     Raises BadInput for several counts of textures, sizes or searches, which only a chart takes.
     """
@@ -90,4 +91,12 @@ def compared_methods(settings: "Config") -> "dict[str, Method]":
             raise BadInput(where=name, found=several, expected="one value, or a folder for a chart (--chart FOLDER)")
         if values is not None:
             first[name] = values[0]
-    return settings.fit.with_settings(first).methods(settings.compare.methods)
+    return _made(settings.fit.with_settings(first), settings.compare.methods, screen)
+
+
+def _made(section: "FitSection", labels: "Sequence[str]", screen: "Screen") -> "dict[str, Method]":
+    unused = section.unused(labels)
+    methods = section.without(*unused).methods(labels)
+    for words in unused.values():
+        screen.note(f"homofact: {words}")
+    return methods

@@ -63,7 +63,7 @@ def compare(
                 raise BadInput("given beside a chart", where=name, expected="one of the two")
         draw_charts(settings, Path(asked.chart), sources, seeds, screen, quiet)
         return
-    fits = compared_methods(settings)
+    fits = compared_methods(settings, screen)
 
     from homofact.api.comparing import compare
 
@@ -71,7 +71,8 @@ def compare(
         found = compare(
             sources if len(sources) > 1 else sources[0], fits, held_out=settings.evaluate.held_out,
             seeds=seeds, seed=settings.seed, metrics=asked.metrics, plot=asked.plot,
-            csv=asked.csv, latex=asked.latex, strict=strictness(strict), refuse=names_of(refuse), progress=progress,
+            csv=asked.csv, latex=asked.latex, by_source=asked.by_source,
+            strict=strictness(strict), refuse=names_of(refuse), progress=progress,
         )  # fmt: skip
     for source in found.sources:
         _show(source, screen, found.several)

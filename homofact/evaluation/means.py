@@ -162,8 +162,11 @@ def csv_of(fits: Sequence[MeasuredFit]) -> str:
     return csv_text(lines)
 
 
-def latex_of(fits: Sequence[MeasuredFit]) -> str:
-    """A tabular for booktabs over all fits: a line a method and bytes, a column a metric, its unit in the head."""
+def latex_of(fits: Sequence[MeasuredFit], by_source: bool = False) -> str:
+    """Return a tabular for booktabs over all fits: a line per method and bytes, a column per metric with its unit.
+
+    With `by_source`, the lines of each source come first, below its name, and those over all sources last.
+    """
     rows = mean_rows(fits)
     metrics = list(rows[0].spreads)
     heads = [_headed(name) for name in metrics]
@@ -178,11 +181,28 @@ def latex_of(fits: Sequence[MeasuredFit]) -> str:
         r"\toprule",
         " & ".join(["Method", "Bytes", "Fits", *heads]) + r" \\",
         r"\midrule",
+        *(_groups(fits) if by_source else []),
         *map(_line, rows),
         r"\bottomrule",
         r"\end{tabular}",
     ]
     return "\n".join(lines) + "\n"
+
+
+def _groups(fits: Sequence[MeasuredFit]) -> list[str]:
+    """The lines of each source below its name, and the head of those over all."""
+    names = list(dict.fromkeys(fit.source for fit in fits))
+    if len(names) == 1:
+        return []
+    lines = []
+    for name in names:
+        rows = mean_rows(fits, name)
+        lines += [_across(escaped(name), rows[0]), *map(_line, rows), r"\midrule"]
+    return [*lines, _across("All sources", rows[0])]
+
+
+def _across(words: str, row: MeanRow) -> str:
+    return rf"\multicolumn{{{len(row.spreads) + 3}}}{{l}}{{{words}}} \\"
 
 
 def sources_in_words(fits: Sequence[MeasuredFit]) -> list[str]:

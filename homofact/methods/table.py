@@ -100,18 +100,44 @@ def _own(name: str, settings: Mapping[str, Any]) -> dict[str, Any]:
     return {setting: value for setting, value in settings.items() if setting in known}
 
 
+def unused_settings(labels: Iterable[str], settings: Iterable[str]) -> dict[str, str]:
+    """Return the settings that none of the methods of these labels has, each with a sentence about it.
+
+    Examples
+    --------
+    >>> unused_settings(["mccool", "ggx"], ["size", "effort"])
+    {'effort': 'effort has no effect: neither mccool nor ggx has such a setting; search has it'}
+    """
+    names = list(dict.fromkeys(parsed_label(label)[0] for label in labels))
+    if len(names) == 1:
+        none = f"{names[0]} has no such setting"
+    elif len(names) == 2:
+        none = f"neither {names[0]} nor {names[1]} has such a setting"
+    else:
+        none = f"none of {', '.join(names)} has such a setting"
+    return {
+        setting: f"{setting} has no effect: {none}{_others(methods_with(setting))}"
+        for setting in _strangers(settings, names)
+    }
+
+
+def _strangers(settings: Iterable[str], names: Collection[str]) -> list[str]:
+    """Return the settings that none of the methods `names` has."""
+    return [setting for setting in settings if set(methods_with(setting)).isdisjoint(names)]
+
+
+def _others(having: tuple[str, ...]) -> str:
+    return f"; {_and(having)} {'has' if len(having) == 1 else 'have'} it" if having else ""
+
+
 def _refuse_strangers(settings: Collection[str], names: list[str]) -> None:
     """Raise BadInput for the first setting that none of the methods `names` has, naming those that do."""
     names = list(dict.fromkeys(names))
-    for setting in settings:
-        having = methods_with(setting)
-        if set(having) & set(names):
-            continue
+    for setting in _strangers(settings, names):
         who = f"{names[0]} has no such setting" if len(names) == 1 else f"none of {', '.join(names)} has such a setting"
         own = ", ".join(dict.fromkeys(known for name in names for known in settings_of_class(ALL_METHODS[name])))
         of_own = "its own" if len(names) == 1 else "theirs"
-        others = f"; {_and(having)} {'has' if len(having) == 1 else 'have'} it" if having else ""
-        raise BadInput(who, where=setting, expected=f"one of {of_own} ({own}){others}")
+        raise BadInput(who, where=setting, expected=f"one of {of_own} ({own}){_others(methods_with(setting))}")
 
 
 def _and(names: tuple[str, ...]) -> str:

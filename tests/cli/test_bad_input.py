@@ -80,10 +80,6 @@ CASES = {
         [*FIT, "--method", "mccool", "--budget", "60", "--decomposition", "normalized", "--search", "powell", *OUT],
         r"search: mccool has no such setting, expected one of its own \(projections, size, .*seed\); search has it",
     ),
-    "a setting of none of the methods": (
-        [*COMPARE, "--methods", "mccool,cole", "--map", "polar"],
-        r"map: none of mccool, cole has such a setting, expected one of theirs \(.*\); svd and nmf have it",
-    ),
     "no algorithm of nlopt's": ([*FIT, "--search", "nlopt-FOO", *OUT], r"search: found 'nlopt-FOO', expected behind"),
     "no effort": ([*FIT, "--effort", "0", *OUT], r"effort: found 0\.0, expected quick, normal, thorough, or a number"),
     "an effort by no name": ([*FIT, "--effort", "some", *OUT], r"effort: found 'some', expected quick, normal"),
@@ -178,7 +174,7 @@ EARLY = [
     "result in a closed place", "result in a file", "result that is a file", "no folder", "size 1", "unknown method",
     "unknown method to fit", "unknown projection", "projections for cole", "plot in a file", "plot of no kind",
     "missing file", "missing file to fit", "folder as a source", "no result to draw", "a folder without a result",
-    "a setting of another method", "a setting of none of the methods", "unknown coordinates", "unknown solver",
+    "a setting of another method", "unknown coordinates", "unknown solver",
     "unknown scheme", "unknown channels", "negative seed", "all held out", "no effort", "no such format",
     "searched projections for mccool", "no algorithm of nlopt's",
 ]  # fmt: skip

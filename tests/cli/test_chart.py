@@ -194,18 +194,6 @@ CASES = {
         [PHONG, "--methods", "search", "--projections", "hh", *OUT],
         r"projections: found 'hh', expected one of wi, .*isotropic-in-out",
     ),
-    "searches for nobody": (
-        [PHONG, "--methods", "mccool", "--search", "powell", *OUT],
-        r"search: mccool has no such setting, expected one of its own \(projections, size, .*\); search has it",
-    ),
-    "counts for nobody": (
-        [PHONG, "--methods", "mccool", "--textures", "2", *OUT],
-        r"textures: mccool has no such setting, .*; search, cole, svd and nmf have it",
-    ),
-    "a guard for nobody": (
-        [PHONG, "--methods", "mccool,nmf", "--budget", "2", *OUT],
-        r"budget: none of mccool, nmf has such a setting, .*; search and cole have it",
-    ),
     "a missing file": (["{file}.gone", *OUT], r"file\.txt\.gone: no such file"),
     "a file for a folder": ([PHONG, "--chart", "{file}"], r"file\.txt: is a file, expected a folder"),
     "a folder in a file": ([PHONG, "--chart", "/dev/null/o"], r"/dev/null is a file, expected a folder"),

@@ -70,6 +70,7 @@ def test_a_measurement_beside_a_model_has_another_epsilon(capsys: pytest.Capture
         (["--plot", "a.png"], "plot: found 2 sources, expected one for a figure; draw each in a run of its own"),
         (["--csv", "a.txt"], "a.txt: ends in '.txt', expected .csv"),
         (["--latex", "a"], "a: ends in nothing, expected .tex"),
+        (["--by-source"], "by_source: found no LaTeX table, expected a file for one"),
         (["--seeds", "1,1"], "seeds: found '1,1', expected different seeds"),
         (["--seeds", "many"], "seeds: found 'many', expected how many (3)"),
         (["none.brdf"], "none.brdf"),
@@ -82,3 +83,39 @@ def test_what_cannot_be_meant_is_refused_before_a_fit(
     assert main(["compare", *FAST, *more]) == 2
     assert words in " ".join(capsys.readouterr().err.split())
     assert list(Path().iterdir()) == []
+
+
+@pytest.mark.usefixtures("fast")
+def test_the_latex_table_can_have_the_rows_of_each_source() -> None:
+    line = ["compare", *FAST[:6], "--methods", "mccool", "--metrics", "log_mse", "--quiet"]
+    assert main([*line, "--latex", "a.tex", "--csv", "a.csv", "--by-source"]) == 0
+    latex = Path("a.tex").read_text(encoding="utf-8").splitlines()
+    body = latex[latex.index(r"\midrule") + 1 : latex.index(r"\bottomrule")]
+    assert [each for each in body if not each.startswith("McCool")] == [
+        r"\multicolumn{4}{l}{phong-10} \\", r"\midrule",
+        r"\multicolumn{4}{l}{lafortune-clay} \\", r"\midrule",
+        r"\multicolumn{4}{l}{All sources} \\",
+    ]  # fmt: skip
+    with open("a.csv", encoding="utf-8", newline="") as file:
+        means = {row["source"]: float(row["mean"]) for row in csv.DictReader(file)}
+    shown = [float(each.split("$")[1].split()[0]) for each in body if each.startswith("McCool")]
+    assert shown == pytest.approx([means["phong-10"], means["lafortune-clay"], means["all"]], rel=0.2)
+    assert main([*line, "--latex", "b.tex"]) == 0
+    assert r"\multicolumn" not in Path("b.tex").read_text(encoding="utf-8")
+
+
+@pytest.mark.usefixtures("fast")
+def test_a_setting_that_no_compared_method_has_is_noted(capsys: pytest.CaptureFixture[str]) -> None:
+    line = ["compare", FAST[0], "--count", "300", "--size", "5", "--methods", "mccool,ggx", "--metrics", "log_mse"]
+    assert main([*line, "--json"]) == 0
+    plain = json.loads(capsys.readouterr().out)["rows"]
+    assert main([*line, "--textures", "2", "--effort", "quick", "--json"]) == 0
+    streams = capsys.readouterr()
+    assert "homofact: effort has no effect: neither mccool nor ggx has such a setting; search has it" in streams.err
+    assert "textures has no effect: neither mccool nor ggx" in " ".join(streams.err.split())
+    assert [row["error"] for row in json.loads(streams.out)["rows"]] == [row["error"] for row in plain]
+    assert main([*line[:-2], "--textures", "2", "--chart", "chart", "--quiet"]) == 0
+    mixed = ["mccool,search" if part == "mccool,ggx" else part for part in line]
+    capsys.readouterr()
+    assert main([*mixed, "--effort", "quik"]) == 2
+    assert "effort: found 'quik', expected quick, normal" in capsys.readouterr().err
