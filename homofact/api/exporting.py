@@ -188,7 +188,7 @@ def export(
         fitted = given.open()
         work = _Work(fitted, reopened_or_why(fitted, source, given.near), format_named(name), steps)
         made, rows = work.stored(quantize)
-        steps.stage("fitting lobes to draw from")
+        steps.stage("fitting the table of importance sampling")
         made = work.drawable(made)
         if light is not None:
             from homofact.exporting.prefiltered import prefiltered_export
@@ -270,7 +270,7 @@ class _Work:
         looks: dict[str, Any] = {}
         likeness = light = None
         if engine is not None:
-            self.steps.stage(f"making what {engine.name} loads")
+            self.steps.stage(engine.work)
             added = engine.add(made)
             more, light = dict(added.files), added.light
             likeness = added.likeness if isinstance(added, AddedLookAlike) else None

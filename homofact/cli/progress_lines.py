@@ -8,7 +8,7 @@ from contextlib import contextmanager
 
 from homofact.api.progress import Progress, ProgressStep
 
-FIRST, EVERY = 2.0, 15.0  # seconds to the first line, and between the others
+FIRST, EVERY = 2.0, 15.0  # seconds after which a stage is named, and between the lines of one stage
 
 
 class ProgressLines:
@@ -23,7 +23,10 @@ class ProgressLines:
 
     @contextmanager
     def running(self) -> Iterator[Progress]:
-        """Say a line after `FIRST` seconds of the block and every `EVERY` seconds from then on."""
+        """Say a line after `FIRST` seconds, every `EVERY` seconds from then on, and once a new stage lasts `FIRST`.
+
+        Stages that count their parts have no line of their own, since they may change with every part.
+        """
         speaker = threading.Thread(target=self._speak, daemon=True)
         speaker.start()
         try:
@@ -40,10 +43,15 @@ class ProgressLines:
         self._step = step
 
     def _speak(self) -> None:
-        wait = FIRST
-        while not self._ended.wait(wait):
-            self._say(self._words())
-            wait = EVERY
+        tick = FIRST / 2
+        silent, seen, lasted, said = EVERY - FIRST, self._step.stage, 0.0, ""
+        while not self._ended.wait(tick):
+            step = self._step
+            silent, lasted = silent + tick, lasted + tick if step.stage == seen else 0.0
+            seen = step.stage
+            if silent >= EVERY or (step.total is None and lasted >= FIRST and seen != said):
+                self._say(self._words())
+                silent, said = 0.0, seen
 
     def _words(self) -> str:
         step, passed = self._step, time.monotonic() - self._begun

@@ -66,6 +66,23 @@ def test_the_time_left_is_of_this_stage_and_of_what_it_has_done(monkeypatch: pyt
         assert said(340, ProgressStep("reading")).startswith("reading")
 
 
+def test_each_stage_that_lasts_is_named_once_and_a_passing_one_is_not(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(progress_lines, "EVERY", 60.0)
+    lines: list[str] = []
+    with ProgressLines(lines.append).running() as show:
+        until(lines, 1)
+        show(ProgressStep("passing"))
+        show(ProgressStep("fitting the table"))
+        until(lines, 2)
+        time.sleep(0.3)
+        for done in range(4):
+            show(ProgressStep(f"{done + 1}/4 paint", done, 4))
+            time.sleep(0.15)
+        show(ProgressStep("writing"))
+        until(lines, 3)
+    assert lines == ["starting", "fitting the table", "writing"]
+
+
 def test_a_short_command_and_one_that_answers_in_json_say_nothing(
     capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

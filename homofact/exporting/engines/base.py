@@ -30,12 +30,14 @@ class Added:
 class Engine:
     """An engine: its `name` on the command line, the texture `formats` that it takes, the first unless told otherwise.
 
-    `add` makes its files; it raises BadInput for a fit that the engine cannot show.
+    `add` makes its files; it raises BadInput for a fit that the engine cannot show. `work` says in words what takes its
+    time.
     """
 
     name: str
     formats: tuple[str, ...]
     add: Callable[[Exported], Added]
+    work: str
 
 
 def check_colour(made: Exported, engine: str) -> None:

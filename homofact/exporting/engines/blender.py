@@ -81,4 +81,9 @@ def _lines(entries: Any, brackets: str, write: Any) -> str:
     return f"{brackets[0]}\n{inner}{brackets[1]}"
 
 
-BLENDER = Engine("blender", ("exr", "exr16", "png8", "png16", "ktx2", "dds", "bc6h"), _files)
+BLENDER = Engine(
+    "blender",
+    ("exr", "exr16", "png8", "png16", "ktx2", "dds", "bc6h"),
+    _files,
+    "fitting Blender's closures, for its world",
+)

@@ -165,4 +165,4 @@ def _numbers(look: MetallicRoughness) -> list[tuple[str, str]]:
     return rows
 
 
-GLTF = Engine("gltf", ("exr", "exr16", "png8", "png16", "ktx2", "dds", "bc6h"), _files)
+GLTF = Engine("gltf", ("exr", "exr16", "png8", "png16", "ktx2", "dds", "bc6h"), _files, "fitting glTF's material")

@@ -129,4 +129,4 @@ def _material(textures: Mapping[str, tuple[str, str]]) -> str:
     return "\n".join(lines) + "\n"
 
 
-GODOT_ENGINE = Engine("godot", ("exr16", "exr", "png8"), _files)
+GODOT_ENGINE = Engine("godot", ("exr16", "exr", "png8"), _files, "fitting Godot's material, for its sky")

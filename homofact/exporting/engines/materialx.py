@@ -97,4 +97,4 @@ def _document(made: Exported, called: str, files: dict[str, str]) -> str:
     return '<?xml version="1.0"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
 
 
-MATERIALX_ENGINE = Engine("materialx", ("exr", "exr16"), _files)
+MATERIALX_ENGINE = Engine("materialx", ("exr", "exr16"), _files, "fitting the table for skies that MaterialX filters")

@@ -58,4 +58,4 @@ def with_spectra(table: AdaptiveTable) -> AdaptiveTable:
     return replace(table, table=values, channels=spectral_names(nodes))
 
 
-PBRT = Engine("pbrt", ("exr", "exr16", "png8", "png16", "ktx2", "dds", "bc6h"), _files)
+PBRT = Engine("pbrt", ("exr", "exr16", "png8", "png16", "ktx2", "dds", "bc6h"), _files, "tabulating the fit for pbrt")

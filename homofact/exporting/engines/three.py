@@ -100,4 +100,6 @@ def package_name(called: str) -> str:
     return "homofact-" + (re.sub("[^a-z0-9]+", "-", called.lower()).strip("-") or "brdf")[:100]
 
 
-THREE = Engine("three", ("exr16", "exr", "png8"), _files)
+THREE = Engine(
+    "three", ("exr16", "exr", "png8"), _files, "fitting the table for skies that three.js filters, and its material"
+)
