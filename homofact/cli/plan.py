@@ -137,7 +137,7 @@ def _reading_lines(found: "ScenePlan") -> list[str]:
     margin = f", with a margin for views that were not rendered ({margins})" if margins else ""
     return [
         f"of limit: the part of your tolerance that the worst error uses{margin}; up to 100% it is met. An error with"
-        ' "about" is expected, not measured.'
+        ' "about" is expected from the fits that were made; that step may turn out to err more.'
     ]
 
 
@@ -146,7 +146,7 @@ def _lines(found: "ScenePlan", other: "ScenePlan | None") -> list[str]:
         "order: spherical-harmonic order at which the lobe can be cut off under this lighting; terms: number of terms"
         " of an in-out SVD for that order."
     ]
-    lines += [f"Lighting: {each.name}; {each.describe_spectrum()}." for each in found.scene.lightings]
+    lines += [f"{each.name} {each.describe_spectrum()}." for each in found.scene.lightings]
     for each in found.distinct:
         if each.highlight_pixels is not None:
             lines.append(
@@ -179,8 +179,8 @@ def _lines(found: "ScenePlan", other: "ScenePlan | None") -> list[str]:
             f" ({_less(found.bytes, one.bytes)}) and {fetches_in_words(found.fetches)}."
         )
     lines.append(
-        f"Fits: {found.planning_fits} to choose, {found.fits} with one size for all; an exhaustive search needs"
-        f" {found.exhaustive_fits}."
+        f"Fits made: {found.planning_fits} to choose, and {found.fits - found.planning_fits} more to find one size for"
+        f" all; every candidate would take {found.exhaustive_fits}."
     )
     if other is not None:
         against = other.scene.lightings[0]
@@ -189,10 +189,16 @@ def _lines(found: "ScenePlan", other: "ScenePlan | None") -> list[str]:
             f" {max(theirs.needed_orders)})"
             for mine, theirs in zip(found.materials, other.materials, strict=True)
         )
+        comparable = all(each.walk.met for plan in (found, other) for each in plan.distinct)
+        less = f" ({_less(found.bytes, other.bytes)})" if comparable else ""
         lines.append(
-            f"Against {against.name}, which {against.describe_spectrum()}: {found.bytes} bytes against {other.bytes}"
-            f" ({_less(found.bytes, other.bytes)}). {bills}."
+            f"Against {against.name}, which {against.describe_spectrum()}: {found.bytes} bytes against"
+            f" {other.bytes}{less}. {bills}."
         )
+        if not comparable:
+            lines.append(
+                "missed: the best representation misses the tolerance, so its bytes are not those of meeting it."
+            )
     return lines
 
 

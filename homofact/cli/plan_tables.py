@@ -40,10 +40,12 @@ def headline(found: "ScenePlan") -> str:
         0 if plan.walk.choice is None else plan.walk.choice.textures for plan in found.distinct if plan.outcome
     )
     lightings = " and ".join(each.name for each in found.scene.lightings)
+    missed = sum(not plan.walk.met for plan in found.distinct)
+    miss = f"; missed for {missed} of {len(found.distinct)}" if missed else ""
     return (
         f"{counted(len(found.distinct), 'material')}: {counted(found.bytes, 'byte')} in"
         f" {counted(textures, 'texture')}, {fetches_in_words(found.fetches)} per pixel; tolerance:"
-        f" {found.scene.tolerance.describe()} under {lightings}"
+        f" {found.scene.tolerance.describe()} under {lightings}{miss}"
     )
 
 
@@ -65,6 +67,8 @@ def step_table(found: "ScenePlan") -> Table | None:
         name = name_of(each)
         for step, one in (("smaller", smaller(each)), ("larger", larger(each))):
             if one is None:
+                if step == "larger" and each.outcome is not None and not each.walk.met:
+                    table.add_row(name, step, "none that was tried errs less", "–", "–")
                 continue
             error = f"{one.error:.0%}" if one.measured else f"about {one.error:.0%}"
             table.add_row(name, step, one.candidate.words, str(one.bytes), error)

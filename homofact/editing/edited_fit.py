@@ -53,10 +53,10 @@ class EditedFit:
         """Return one line for people."""
         if self.row is None:
             ways = " and ".join(dict.fromkeys(each.way for each in self.applied))
-            made = f"taken into the textures of the fit ({ways})"
+            made, steps = f"changed in the textures of the fit ({ways})", ", whose curve has a step at each band"
         else:
-            made = "fitted anew"
-        return f"{made}: relative RMS {self.rms:.2%} against the edited material"
+            made, steps = "fitted again", ""
+        return f"{made}: relative RMS {self.rms:.2%} against the edited material{steps}"
 
 
 def chosen_material(

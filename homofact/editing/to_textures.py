@@ -99,7 +99,8 @@ class AppliedEdit:
     """A fit with an edit in its textures, and what that leaves, over held-out pairs.
 
     `log_rms` is of Σ textures against Σ before + log r; `rms` of f against r f, relative, cosine-weighted; `by_epsilon`
-    the part of it that ε makes; `clamped` the share of pairs where f is cut at zero and r f is not.
+    is the same error if log r were added exactly, which ε causes alone, and which other errors can offset; `clamped`
+    the share of pairs where f is cut at zero and r f is not.
     """
 
     fit: Factorization
@@ -111,9 +112,12 @@ class AppliedEdit:
 
     def words(self) -> str:
         """Return one line for people."""
-        more = f", {self.by_epsilon:.2%} of it by epsilon" if self.by_epsilon > 1e-4 else ""
+        more = f" ({self.by_epsilon:.2%} from ε alone)" if self.by_epsilon > 1e-4 else ""
         cut = f"; {self.clamped:.2%} of the pairs are cut at zero" if self.clamped else ""
-        return f"{self.way}: relative RMS {self.rms:.2%}{more}; logarithms off by {self.log_rms:.2g}{cut}"
+        return (
+            f"{self.way}: relative RMS {self.rms:.2%} against the smooth curve{more}; logarithms off by"
+            f" {self.log_rms:.2g}{cut}"
+        )
 
 
 def edits_of(material: Editable, curves: Mapping[Place, Bands]) -> tuple[Edit, ...]:

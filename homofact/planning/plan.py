@@ -163,11 +163,11 @@ class ScenePlan:
                 limit = dict(plan.tolerance.limits)[outcome.kind]
                 where = f" under {outcome.lighting}" if len(plan.judges) > 1 else ""
                 within = f" within {self.scene.budget.bytes} bytes" if self.allocated else ""
-                margin = MARGINS[outcome.kind] - 1
-                kept = f" with the margin of {margin:.0%} for other views" if margin > 0 else ""
+                margin = MARGINS[outcome.kind]
+                counted = f", {outcome.value * margin:.3g} with the margin of × {margin:g} for other views,"
                 lines.append(
                     f"{plan.name}: {outcome.kind} {limit:g} cannot be met{where}{within}; the best reachable is"
-                    f" {outcome.value:.3g} by {choice.words}, missing it by {plan.missed_by:.0%}{kept}"
+                    f" {outcome.value:.3g}{counted if margin > 1 else ''} by {choice.words}"
                 )
         return tuple(lines)
 
@@ -246,22 +246,23 @@ def plan_scene(
     used = replace(FitOptions() if options is None else options, seed=scene.seed)
     known = {} if fits_by_source is None else fits_by_source
     stages = tuple(Stage.of(lighting, scene.seed) for lighting in scene.lightings)
+    under = f"under {' and '.join(lighting.name for lighting in scene.lightings)}"
     plans: dict[tuple[str, int | None], MaterialPlan] = {}
     for material in scene.materials:
         fits = known.setdefault(material.source, MaterialFits(material.source, used))
-        stage(fits.source.name)
+        stage(f"planning {fits.source.name} {under}")
         if material.key not in plans:
             plans[material.key] = plan_material(material, fits, stages, scene.tolerance, scene.budget)
     distinct = tuple(plans.values())
     limit = scene.budget.bytes
     over = limit is not None and sum(plan.outcome.bytes for plan in distinct if plan.outcome is not None) > limit
     if over and limit is not None:
-        stage("sharing out the bytes")
+        stage("distributing the bytes")
         distinct = share_out(distinct, scene, limit)
     planning = sum(plan.walk.fits for plan in distinct)
     by_key = {plan.material.key: plan for plan in distinct}
     shown = tuple(replace(by_key[material.key], material=material) for material in scene.materials)
-    stage("one size for all")
+    stage("looking for one size for all")
     one = one_size(distinct, shown)
     different = {id(plan.fits): plan.fits for plan in distinct}.values()
     count = sum(len(fits.made) + len(fits.refused) for fits in different)

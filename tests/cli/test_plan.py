@@ -86,12 +86,18 @@ def test_quiet_says_nothing_where_a_plan_is_written(
     assert (tmp_path / "o" / "plan.json").is_file()
 
 
-def test_an_impossible_tolerance_is_a_warning_or_refused(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_impossible_tolerance_is_a_warning_or_refused(
+    scene: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("homofact.planning.neighbours.larger", lambda _: None)
     scene.write_text(SCENE.replace("0.25\n[lighting]", "0.25\n[budget]\nfetches = 0\n[lighting]"))
     assert main(["plan", str(scene), *QUICK]) == 0
     shown = " ".join(capsys.readouterr().out.split())
     assert "Warning: cook-torrance-plastic: reflected 0.7 cannot be met; the best reachable is 0." in shown
-    assert "missing it by" in shown
+    assert "with the margin of × 1.8 for other views, by one colour." in shown
+    # The first line says so too.
+    assert "at most 0.7 under sun; missed for 1 of 2 " in shown
+    assert "larger none that was tried errs less – –" in shown
     assert "with the margin of" in shown
     assert main(["plan", str(scene), *QUICK, "--strict"]) == 2
     assert "cannot be met; the best reachable is" in capsys.readouterr().err

@@ -186,7 +186,7 @@ def test_epsilon_is_counted() -> None:
     made = apply_edit(large, ratio("theta_h", 8.0, 1.2, 0.3), refine=8)
     assert made.by_epsilon > 0.02
     assert made.rms == pytest.approx(made.by_epsilon, rel=0.1)
-    assert "of it by epsilon" in made.words()
+    assert f"({made.by_epsilon:.2%} from ε alone)" in made.words()
     # Lowered under ε, a dark place is cut at zero.
     low = Edit("theta_h", Bands(torch.full((64, 3), 0.05, dtype=torch.float64)))
     cut = apply_edit(large, low)
