@@ -7,7 +7,7 @@ import typer
 from rich.table import Table
 
 from homofact.cli import options as o
-from homofact.cli.layout import add_figures, add_names, plain_table
+from homofact.cli.layout import add_figures, add_names, hanging, plain_table
 from homofact.cli.screen import Screen, say_ending
 from homofact.errors import BadInput
 from homofact.evaluation.wording import counted, figure
@@ -95,8 +95,8 @@ def _show_textures(found: "EditedTextures", out: Path, screen: Screen) -> None:
         screen.note("homofact: --way texture leaves less, with one more texture and fetch")
     if not screen.quiet:
         screen.show(
-            f"{found.material}: {made.words()}",
-            *(f"  {applied.words()}" for applied in made.applied),
+            hanging(f"{found.material}: {made.words()}", 2),
+            *(hanging(f"  {applied.words()}", 4) for applied in made.applied),
             f"{out}: factorization.npz, manifest.json, report.json, every texture as .exr and .png",
             f"The picture: {out / 'compare.png'}",
         )
