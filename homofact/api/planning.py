@@ -185,6 +185,7 @@ def plan(
 
     from homofact.planning.export import check_plan_folder, write_plan
     from homofact.planning.ladder import FitOptions
+    from homofact.planning.neighbours import with_larger_measured
     from homofact.planning.plan import plan_scene
     from homofact.planning.scene import read_scene
     from homofact.planning.tolerance import Tolerance
@@ -202,7 +203,7 @@ def plan(
         steps.warm_up()
         options = FitOptions(**vars(settings), seed=asked.seed)
         fits: dict[str, Any] = {}
-        found = plan_scene(asked, options, fits, steps.stage)
+        found = with_larger_measured(plan_scene(asked, options, fits, steps.stage), steps.stage)
         other = None
         if other_lighting is not None:
             other = plan_scene(replace(asked, lightings=(other_lighting,)), options, fits, steps.stage)

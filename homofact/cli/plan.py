@@ -132,13 +132,18 @@ def finding_lines(verdicts: "Mapping[str, Verdict | None]") -> list[str]:
 
 def _reading_lines(found: "ScenePlan") -> list[str]:
     """How to read the choices and their neighbours."""
+    from homofact.planning.neighbours import larger
+
     kinds = [kind for kind in found.scene.tolerance.kinds if MARGINS[kind] != 1]
     margins = ", ".join(f"{WORDS[kind]} × {MARGINS[kind]:g}" for kind in kinds)
     margin = f", with a margin for views that were not rendered ({margins})" if margins else ""
-    return [
-        f"of limit: the part of your tolerance that the worst error uses{margin}; up to 100% it is met. An error with"
-        ' "about" is expected from the fits that were made; that step may turn out to err more.'
-    ]
+    steps = map(larger, found.distinct)
+    expected = (
+        ' An error with "about" is expected from the fits that were made; that step may turn out to err more.'
+        if any(step is not None and not step.measured for step in steps)
+        else ""
+    )
+    return [f"of limit: the part of your tolerance that the worst error uses{margin}; up to 100% it is met.{expected}"]
 
 
 def _lines(found: "ScenePlan", other: "ScenePlan | None") -> list[str]:
@@ -179,8 +184,8 @@ def _lines(found: "ScenePlan", other: "ScenePlan | None") -> list[str]:
             f" ({_less(found.bytes, one.bytes)}) and {fetches_in_words(found.fetches)}."
         )
     lines.append(
-        f"Fits made: {found.planning_fits} to choose, and {found.fits - found.planning_fits} more to find one size for"
-        f" all; every candidate would take {found.exhaustive_fits}."
+        f"Fits made: {found.planning_fits} to choose, and {found.fits - found.planning_fits} more for the larger steps"
+        f" and one size for all; every candidate would take {found.exhaustive_fits}."
     )
     if other is not None:
         against = other.scene.lightings[0]

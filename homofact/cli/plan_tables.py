@@ -67,8 +67,8 @@ def step_table(found: "ScenePlan") -> Table | None:
         name = name_of(each)
         for step, one in (("smaller", smaller(each)), ("larger", larger(each))):
             if one is None:
-                if step == "larger" and each.outcome is not None and not each.walk.met:
-                    table.add_row(name, step, "none that was tried errs less", "–", "–")
+                if step == "larger" and each.outcome is not None and each.outcome.error > 0:
+                    table.add_row(name, step, "none found that errs less", "–", "–")
                 continue
             error = f"{one.error:.0%}" if one.measured else f"about {one.error:.0%}"
             table.add_row(name, step, one.candidate.words, str(one.bytes), error)

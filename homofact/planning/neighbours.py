@@ -1,20 +1,24 @@
 """What one step down or up from a choice costs: a smaller representation, and a larger one that errs less.
 
 Rungs that the plan has measured come first. Where no larger one was measured, the belief about the ladder
-(`planning.search`) names the cheapest that should err clearly less, with the median of its error.
+(`planning.search`) names the cheapest that should err clearly less, with the median of its error. `measure_larger`
+fits it: a belief from a few fits can be wrong, above all for samples, where larger textures may err more.
 """
 
 import math
-from dataclasses import asdict, dataclass
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from homofact.planning.ladder import Candidate
-from homofact.planning.plan import MaterialPlan, rungs_for
+from homofact.planning.plan import MaterialPlan, ScenePlan, rungs_for
 from homofact.planning.search import expected_errors
 
 # An error that was only expected is named where it falls at least to this part of the choice's, for at most so many
 # times its bytes.
 CLEARLY, NEAR = 0.9, 16
+# How many larger representations are fitted for a material, at most, to find one that errs less.
+TRIES = 2
 
 
 @dataclass(frozen=True)
@@ -62,6 +66,8 @@ def larger(plan: MaterialPlan) -> Neighbour | None:
         for rung, answer in asked.items()
         if answer.bytes > chosen.bytes and answer.error < chosen.error
     ]
+    if above and plan.walk.stepped:
+        return min(above, key=lambda one: (one.bytes, one.error))
     pool = [
         rung
         for rung in rungs_for(plan.fits, plan.tolerance)
@@ -74,3 +80,34 @@ def larger(plan: MaterialPlan) -> Neighbour | None:
             if error <= CLEARLY * chosen.error
         ]
     return min(above, key=lambda one: (one.bytes, one.error), default=None)
+
+
+def measure_larger(plan: MaterialPlan) -> None:
+    """Fit and measure the larger step where it is only expected; the next one where it does not err less.
+
+    The walk of the plan gets the outcomes, and the cheapest measured rung that errs less is the step from then on.
+    Where `TRIES` fits find none, the step stays an expected one.
+    """
+    chosen = plan.outcome
+    for _ in range(TRIES):
+        step = larger(plan)
+        if chosen is None or step is None or step.measured:
+            break
+        plan.walk.asked[step.candidate] = outcome = plan.ask(step.candidate)
+        if outcome.error < chosen.error:
+            break
+    plan.walk.stepped = True
+
+
+def with_larger_measured(found: ScenePlan, stage: Callable[[str], None] = lambda _: None) -> ScenePlan:
+    """Return the plan with the larger step of each material measured, and its fits counted."""
+    fits = {id(each.fits): each.fits for each in found.distinct}.values()
+
+    def count() -> int:
+        return sum(len(each.made) + len(each.refused) for each in fits)
+
+    before = count()
+    for each in found.distinct:
+        stage(f"fitting one step larger for {each.name}")
+        measure_larger(each)
+    return replace(found, fits=found.fits + count() - before)

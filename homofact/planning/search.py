@@ -54,12 +54,16 @@ class LadderOutcome:
 
 @dataclass
 class Walk:
-    """A search over a ladder: the answers so far in the order of asking; `choice` is None where none met the need."""
+    """A search over a ladder: the answers so far in the order of asking; `choice` is None where none met the need.
+
+    `stepped` tells whether larger rungs than the choice were asked for one that errs less (`planning.neighbours`).
+    """
 
     tolerance: float
     asked: dict[Candidate, LadderOutcome] = field(default_factory=dict)
     choice: Candidate | None = None
     met: bool = False
+    stepped: bool = False
 
     @property
     def fits(self) -> int:

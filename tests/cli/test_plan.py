@@ -97,7 +97,7 @@ def test_an_impossible_tolerance_is_a_warning_or_refused(
     assert "with the margin of × 1.8 for other views, by one colour." in shown
     # The first line says so too.
     assert "at most 0.7 under sun; missed for 1 of 2 " in shown
-    assert "larger none that was tried errs less – –" in shown
+    assert "larger none found that errs less – –" in shown
     assert "with the margin of" in shown
     assert main(["plan", str(scene), *QUICK, "--strict"]) == 2
     assert "cannot be met; the best reachable is" in capsys.readouterr().err

@@ -4,8 +4,8 @@ import pytest
 from plan_cases import PAINT, fits_of
 
 from homofact.planning.ladder import LAMBERT, Candidate, ladder
-from homofact.planning.neighbours import CLEARLY, larger, smaller
-from homofact.planning.plan import MaterialPlan
+from homofact.planning.neighbours import CLEARLY, TRIES, larger, measure_larger, smaller, with_larger_measured
+from homofact.planning.plan import MaterialPlan, ScenePlan
 from homofact.planning.scene import SceneMaterial
 from homofact.planning.search import LadderOutcome, Walk, expected_errors
 from homofact.planning.tolerance import Tolerance
@@ -60,3 +60,31 @@ def test_what_has_no_choice_or_no_error_has_no_step() -> None:
     none = plan_of({SMALL: 1.5}, None)
     assert (smaller(none), larger(none)) == (None, None)
     assert larger(plan_of({SMALL: 1.5, CHOSEN: 0.0})) is None
+
+
+@pytest.mark.parametrize("error", [0.3, 0.9])
+def test_a_step_up_that_is_only_expected_is_fitted(error: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One that errs less ends it; after TRIES that do not, none is named as measured."""
+    asked: list[Candidate] = []
+
+    def ask(plan: MaterialPlan, rung: Candidate) -> LadderOutcome:
+        asked.append(rung)
+        plan.fits.refused[rung.fit] = "counted as a fit"
+        return LadderOutcome(error, rung.most_bytes(3), rung.most_fetches(True), rung.textures)
+
+    monkeypatch.setattr(MaterialPlan, "ask", ask)
+    plan = plan_of({SMALL: 1.5, CHOSEN: 0.7})
+    expected = larger(plan)
+    whole = ScenePlan(None, (plan,), None, 2, 2, 60)  # pyright: ignore[reportArgumentType]
+    assert with_larger_measured(whole).fits == 2 + len({rung.fit for rung in asked})
+    found = larger(plan)
+    assert expected is not None
+    if error == 0.3:
+        assert found is not None
+        assert (found.candidate, found.measured, found.error) == (expected.candidate, True, 0.3)
+        assert asked == [found.candidate]
+        measure_larger(plan)
+        assert len(asked) == 1
+    else:
+        assert found is None or not found.measured
+        assert len(set(asked)) == TRIES
