@@ -74,10 +74,11 @@ def compare(
             csv=asked.csv, latex=asked.latex, by_source=asked.by_source,
             strict=strictness(strict), refuse=names_of(refuse), progress=progress,
         )  # fmt: skip
-    for source in found.sources:
-        _show(source, screen, found.several)
-    if found.with_means:
-        screen.show(mean_table(found.means()))
+    if not (quiet and found.files):
+        for source in found.sources:
+            _show(source, screen, found.several)
+        if found.with_means:
+            screen.show(mean_table(found.means()))
     for warning in found.warnings:
         screen.note(f"homofact: {warning}")
     for name, file in found.files.items():

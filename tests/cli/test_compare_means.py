@@ -86,9 +86,10 @@ def test_what_cannot_be_meant_is_refused_before_a_fit(
 
 
 @pytest.mark.usefixtures("fast")
-def test_the_latex_table_can_have_the_rows_of_each_source() -> None:
+def test_the_latex_table_can_have_the_rows_of_each_source(capsys: pytest.CaptureFixture[str]) -> None:
     line = ["compare", *FAST[:6], "--methods", "mccool", "--metrics", "log_mse", "--quiet"]
     assert main([*line, "--latex", "a.tex", "--csv", "a.csv", "--by-source"]) == 0
+    assert capsys.readouterr().out == ""
     latex = Path("a.tex").read_text(encoding="utf-8").splitlines()
     body = latex[latex.index(r"\midrule") + 1 : latex.index(r"\bottomrule")]
     assert [each for each in body if not each.startswith("McCool")] == [
