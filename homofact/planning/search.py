@@ -56,7 +56,7 @@ class LadderOutcome:
 class Walk:
     """A search over a ladder: the answers so far in the order of asking; `choice` is None where none met the need.
 
-    `stepped` tells whether larger rungs than the choice were asked for one that errs less (`planning.neighbours`).
+    `stepped` is true once larger rungs than the choice were measured for one that errs less (`planning.neighbours`).
     """
 
     tolerance: float
