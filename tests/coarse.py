@@ -7,7 +7,7 @@ from functools import partial
 import pytest
 
 from homofact.meshes.shapes import sphere, torus_knot
-from homofact.relighting import build, moments
+from homofact.relighting import build, decomposition, moments
 from homofact.relighting.factored_material import factored
 from homofact.scene import meshes
 
@@ -23,8 +23,9 @@ def coarse_shapes(around: int = 96, across: int = 16, rings: int = 16) -> Iterat
 
 @contextmanager
 def coarse_terms() -> Iterator[None]:
-    """Within it scenes to relight have terms from a quarter of the nodes, on maps of 32 texels across."""
+    """Within it scenes to relight have terms from half of the rings, turns and nodes, on maps of 32 texels across."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(moments, "_NODES", 12)
+        patch.setattr(decomposition, "_ISOTROPIC_GRIDS", ((10, 20), (16, 32), (24, 48)))
         patch.setattr(build, "factored", partial(factored, map_size=32))
         yield
