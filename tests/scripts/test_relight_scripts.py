@@ -7,6 +7,7 @@ from types import ModuleType
 
 import numpy as np
 import pytest
+from coarse import coarse_terms
 from relighting_cases import knot, light, occluder, shiny, whole
 
 from homofact.containers.png import read_png
@@ -49,10 +50,17 @@ def test_a_turning_light_is_followed(monkeypatch: pytest.MonkeyPatch) -> None:
     assert errors[3:] == [0, 0]
 
 
-def test_a_bounce_is_held_against_paths(capsys: pytest.CaptureFixture[str]) -> None:
+def coarse_light(monkeypatch: pytest.MonkeyPatch, script: ModuleType) -> None:
+    """Light of 6 × 16² texels, a sixteenth of the script's own: each is a ray of every vertex."""
+    monkeypatch.setattr(script, "SCENE", script.SCENE.replace("[transport]\n", "[transport]\ncube = 16\n"))
+
+
+def test_a_bounce_is_held_against_paths(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("mitsuba")
     bounce = importlib.import_module("scripts.relighting.relight_bounce")
-    assert bounce.main(["--short"]) == 0
+    coarse_light(monkeypatch, bounce)
+    with coarse_terms():
+        assert bounce.main(["--short"]) == 0
     header, _, row = [line for line in capsys.readouterr().out.splitlines() if line.startswith("|")]
     columns = dict(zip(*[[cell.strip() for cell in line.strip("|").split("|")] for line in (header, row)], strict=True))
     names = ("without bounce", "with bounce", "bounce of all light")
@@ -62,24 +70,20 @@ def test_a_bounce_is_held_against_paths(capsys: pytest.CaptureFixture[str]) -> N
     assert 2 < share < 20
 
 
-def test_separate_lobes_are_measured(capsys: pytest.CaptureFixture[str]) -> None:
-    """The short form: one object, whose separate lobe leaves one term; figures stand in their columns."""
-    lobes = importlib.import_module("scripts.relighting.relight_lobes")
-    assert lobes.main(["--short"]) == 0
-    header, _, row = capsys.readouterr().out.splitlines()[:3]
-    columns = dict(zip(*[[cell.strip() for cell in line.strip("|").split("|")] for line in (header, row)], strict=True))
-    assert (columns["mesh"], columns["material"], columns["K"]) == ("knot", "exponent 2000", "1")
-    assert 0 < float(columns["studio"].rstrip("%")) < 30
-    assert float(columns["views/s"]) > 0
-    assert lobes.main(["--data", "nowhere"]) == 2
+def test_separate_lobes_are_measured_once(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    """The short form: one object, whose separate lobe leaves one term; figures stand in their columns.
 
-
-def test_finished_rows_of_lobes_are_kept(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    """--work keeps a row as a JSON line, and the next run measures only what is missing."""
+    --work keeps a row as a JSON line, and the next run measures only what is missing.
+    """
     lobes = importlib.import_module("scripts.relighting.relight_lobes")
     work = tmp_path / "rows.jsonl"
     assert lobes.main(["--short", "--work", str(work)]) == 0
     first = capsys.readouterr().out
+    header, _, row = first.splitlines()[:3]
+    columns = dict(zip(*[[cell.strip() for cell in line.strip("|").split("|")] for line in (header, row)], strict=True))
+    assert (columns["mesh"], columns["material"], columns["K"]) == ("knot", "exponent 2000", "1")
+    assert 0 < float(columns["studio"].rstrip("%")) < 30
+    assert float(columns["views/s"]) > 0
     key, row = json.loads(work.read_text(encoding="utf-8"))
     assert key == "knot | exponent 2000 | auto | 256 kept | 100 pixels"
     assert (row["terms"], row["separate"], list(row["errors"])) == (1, True, ["studio"])
@@ -87,14 +91,20 @@ def test_finished_rows_of_lobes_are_kept(capsys: pytest.CaptureFixture[str], tmp
     assert lobes.main(["--short", "--work", str(work)]) == 0
     assert capsys.readouterr().out == first  # times included: nothing was measured
     few = ["--short", "--lobe", "factored", "--terms", "3", "--work", str(work)]
-    assert lobes.main(few) == 0
+    with coarse_terms():
+        assert lobes.main(few) == 0
     row = json.loads(work.read_text(encoding="utf-8").splitlines()[1])[1]
     assert (row["terms"], row["separate"]) == (3, False)
+    assert lobes.main(["--data", "nowhere"]) == 2
 
 
-def test_textures_add_little_to_the_error(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_textures_add_little_to_the_error(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     textures = importlib.import_module("scripts.relighting.relight_textures")
-    assert textures.main(["--short", "--picture", str(tmp_path / "balls.png")]) == 0
+    coarse_light(monkeypatch, textures)
+    with coarse_terms():
+        assert textures.main(["--short", "--picture", str(tmp_path / "balls.png")]) == 0
     header, _, row = [line for line in capsys.readouterr().out.splitlines() if line.startswith("|")]
     columns = [[cell.strip() for cell in line.strip("|").split("|")] for line in (header, row)]
     found = dict(zip(*columns, strict=True))
@@ -104,9 +114,13 @@ def test_textures_add_little_to_the_error(capsys: pytest.CaptureFixture[str], tm
     assert read_png(tmp_path / "balls.png").shape == (60, 80, 3)
 
 
-def test_normal_maps_add_little_to_the_error(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_normal_maps_add_little_to_the_error(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     textures = importlib.import_module("scripts.relighting.relight_textures")
-    assert textures.main(["--short", "--normals", "--picture", str(tmp_path / "balls.png")]) == 0
+    coarse_light(monkeypatch, textures)
+    with coarse_terms():
+        assert textures.main(["--short", "--normals", "--picture", str(tmp_path / "balls.png")]) == 0
     header, _, row = [line for line in capsys.readouterr().out.splitlines() if line.startswith("|")]
     names, values = ([cell.strip() for cell in line.strip("|").split("|")] for line in (header, row))
     found = dict(zip(names, values, strict=True))
