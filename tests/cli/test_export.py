@@ -23,6 +23,7 @@ from homofact.exporting.engines.table import ENGINES
 from homofact.exporting.prefiltered import relative_rms, write_sky
 from homofact.factor.factorization import Factorization
 from homofact.files.archive import write_arrays
+from homofact.rendering import split_sum
 from homofact.rendering.environment import read_environment
 from homofact.rendering.prefilter import LevelTable, Prefiltered
 from homofact.rendering.sky_chain import SkyChain, chain_of, own_kernels
@@ -37,7 +38,16 @@ def result(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
+def coarse_table(monkeypatch: pytest.MonkeyPatch) -> None:
+    """pbrt's table with few nodes: for tests of what else an export holds."""
+    for isotropy in (True, False):
+        monkeypatch.setitem(adaptive.SIDE, isotropy, 24)
+        monkeypatch.setitem(adaptive.THETAS, isotropy, 8)
+    monkeypatch.setattr(adaptive, "_AZIMUTHS", 8)
+
+
 def test_an_export_ends_with_what_to_do_next(result: Path, tmp_path: Path, monkeypatch, capsys) -> None:
+    coarse_table(monkeypatch)
     monkeypatch.setattr(blender, "closure_light", closures_like)
     monkeypatch.setenv("COLUMNS", "80")
     last = []
@@ -83,7 +93,12 @@ def sky(path: Path) -> Path:
     return path
 
 
-def test_a_sky_is_filtered_beside_the_material(result: Path, tmp_path: Path, capsys) -> None:
+def test_a_sky_is_filtered_beside_the_material(
+    result: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys
+) -> None:
+    # A rough search for the lobes; how near the search comes is test_split_sum.py's.
+    monkeypatch.setattr(split_sum, "_FIRST_STEPS", 12)
+    monkeypatch.setattr(split_sum, "_STEPS", 4)
     place, out = sky(tmp_path / "sky.exr"), tmp_path / "out"
     command = ["export", str(result), "--to", str(out), "--format", "png8", "--prefilter", str(place)]
     assert main([*command, "--prefilter-side", "32"]) == 0
@@ -312,10 +327,7 @@ def test_an_engine_gets_its_files_and_the_likeness_of_a_look_alike_is_said(
 def test_pbrt_gets_a_scene_and_the_table_is_compared(
     result: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    for isotropy in (True, False):
-        monkeypatch.setitem(adaptive.SIDE, isotropy, 24)
-        monkeypatch.setitem(adaptive.THETAS, isotropy, 8)
-    monkeypatch.setattr(adaptive, "_AZIMUTHS", 8)
+    coarse_table(monkeypatch)
     assert main(["export", str(result), "--to", str(tmp_path / "out"), "--engine", "pbrt"]) == 0
     shown = " ".join(capsys.readouterr().out.split())
     assert "brdf.bsdf: log_mse" in shown
