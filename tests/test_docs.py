@@ -12,6 +12,8 @@ from homofact.geometry.coordinates import COORDINATES
 from sitemaker.runnable import blocks_of, run
 
 ROOT = Path(__file__).resolve().parents[1]
+# What the lines do, not how their pictures look or how evenly light is drawn.
+pytestmark = pytest.mark.usefixtures("small_pictures", "rough_sampling")
 DOCUMENTS = ("README.md", "docs/python.md", "docs/start.md")
 
 
