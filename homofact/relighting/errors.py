@@ -223,7 +223,8 @@ def measured_errors(
     psnr = None
     if pixels is not None:
         points = pixels.lit_points(relit.mesh)
-        mixed = used.between(pixels.mixture, seen.eye, points.seen(lights, seen.occluder, SAMPLES))
+        seen_suns, sight = points.seen(lights, seen.occluder, SAMPLES), points.sight(seen.occluder)
+        mixed = used.between(pixels.mixture, seen.eye, seen_suns, sight)
         exact = pixels.points.dense(radiance, size)
         exact += summed(seen.reflectance, lights, points, pixels.points.wo, seen.occluder, pixels.points.tint)
         exact += 0.0 if around is None else around.bounced(pixels.points, light)

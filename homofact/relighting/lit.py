@@ -8,7 +8,7 @@ import numpy as np
 from homofact.relighting.clusters import Clustered
 from homofact.relighting.harmonic import Harmonic
 from homofact.relighting.interreflection import spread_suns
-from homofact.relighting.lobe import SeparateLobe, SurfacePoints, checked_eye
+from homofact.relighting.lobe import PointSight, SeparateLobe, SurfacePoints, checked_eye
 from homofact.relighting.lobe_light import LightCells
 from homofact.relighting.lobe_table import LobeTable
 from homofact.relighting.mapped_points import mapped_points
@@ -114,11 +114,11 @@ class LitObject:
         plain, own = (shaded(self.transport, self.tuples, eye, np.flatnonzero(each)) for each in (~tinted, tinted))
         return plain, own
 
-    def lobe_at(self, points: SurfacePoints) -> np.ndarray:
-        """Radiance (S, 3) of the separate lobe; 0 where none does."""
+    def lobe_at(self, points: SurfacePoints, sight: PointSight | None = None) -> np.ndarray:
+        """Radiance (S, 3) of the separate lobe, 0 where there is none; `sight` as in `SeparateLobe.at`."""
         if self.lobe is None or self.cells is None:
             return np.zeros((len(points.frames), 3), np.float32)
-        return self.lobe.at(points, self.cells) * self._under(self.lobe.table, points)
+        return self.lobe.at(points, self.cells, sight) * self._under(self.lobe.table, points)
 
     def _under(self, table: LobeTable, points: SurfacePoints) -> np.ndarray | float:
         """What the texture multiplies a table's light by."""
@@ -150,13 +150,17 @@ class LitObject:
         return found
 
     def between(
-        self, points: SurfacePoints, eye: Sequence[float] | np.ndarray, seen: np.ndarray | None = None
+        self,
+        points: SurfacePoints,
+        eye: Sequence[float] | np.ndarray,
+        seen: np.ndarray | None = None,
+        sight: PointSight | None = None,
     ) -> np.ndarray:
         """Radiance (S, 3) of points between vertices: of the factors mixed, of lobe and suns at the point itself.
 
-        `seen` is as in `suns_at`.
+        `seen` is as in `suns_at`, `sight` as in `SeparateLobe.at`.
         """
-        return self.terms_at(points, eye) + self.lobe_at(points) + self.suns_at(points, seen)
+        return self.terms_at(points, eye) + self.lobe_at(points, sight) + self.suns_at(points, seen)
 
 
 def lit_tuples(transport: WaveletTransport, compact: Clustered | Harmonic | None, light: Light) -> np.ndarray:

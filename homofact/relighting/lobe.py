@@ -13,9 +13,13 @@ import numpy as np
 from homofact.errors import BadInput
 from homofact.meshes.mesh import Mesh
 from homofact.meshes.occlusion import Occluder
-from homofact.relighting.lobe_kernels import CellArrays, PointArrays, TableArrays, sum_lobe
+from homofact.relighting.lobe_kernels import CellArrays, HalfSeenCells, PointArrays, TableArrays, sum_lobe
 from homofact.relighting.lobe_light import LightCells, kept_sight
 from homofact.relighting.lobe_table import LobeTable
+
+# Cells of a point that its corners see differently: those that rays are sent to at most, and the least light of one as
+# a part of the mean of all points. So many points at a time.
+_CELLS, _LEAST, _POINTS = 512, 1e-3, 2048
 
 
 @dataclass(frozen=True)
@@ -68,6 +72,22 @@ class SurfacePoints:
 
 
 @dataclass(frozen=True)
+class PointSight:
+    """What hides the sky from points: rays start at their `origins` (S, 3) and meet the meshes of the `occluder`."""
+
+    origins: np.ndarray
+    occluder: Occluder
+
+    def only(self, which: np.ndarray) -> "PointSight":
+        """Of the points numbered."""
+        return PointSight(self.origins[which], self.occluder)
+
+    def sees(self, which: np.ndarray, directions: np.ndarray) -> np.ndarray:
+        """Whether the points `which` (R,) see the sky in `directions` (R, 3)."""
+        return ~self.occluder.blocked(self.origins[which], directions)
+
+
+@dataclass(frozen=True)
 class SeparateLobe:
     """A lobe and what every vertex `sight` (V, words) sees of the sky, as `lobe_light.traced_sight` makes it."""
 
@@ -89,15 +109,36 @@ class SeparateLobe:
         """The table and what the vertices see."""
         return self.table.nbytes + self.sight.nbytes
 
-    def at(self, points: SurfacePoints, cells: LightCells) -> np.ndarray:
-        """Radiance (S, 3) float32 of the lobe towards the viewer; 0 where a point is seen from behind."""
+    def at(self, points: SurfacePoints, cells: LightCells, sight: "PointSight | None" = None) -> np.ndarray:
+        """Radiance (S, 3) float32 of the lobe towards the viewer; 0 where a point is seen from behind.
+
+        A point sees a mixture of what its corners see. With `sight`, rays are sent to the cells of which one corner
+        sees more than another: a mirror image of a shadow ends between two vertices, sharply.
+        """
+        out = self._summed(points, cells, HalfSeenCells.room(len(points.frames), 0))
+        if sight is None or not len(out):
+            return out
+        least = _LEAST * float(np.abs(out).mean())
+        between = np.flatnonzero(points.shares.max(1) < 1)
+        for first in range(0, len(between), _POINTS):
+            which = between[first : first + _POINTS]
+            half_seen = HalfSeenCells.room(len(which), _CELLS, least)
+            self._summed(points.only(which), cells, half_seen)
+            row, place = np.nonzero(np.arange(_CELLS) < half_seen.found[:, None])
+            towards = cells.places[half_seen.cells[row, place], :3].astype(np.float64)
+            clear = sight.only(which).sees(row, towards)
+            more = (clear - half_seen.seen[row, place])[:, None] * half_seen.light[row, place]
+            np.add.at(out, which[row], more)
+        return out
+
+    def _summed(self, points: SurfacePoints, cells: LightCells, half_seen: HalfSeenCells) -> np.ndarray:
         out = np.zeros((len(points.frames), 3), np.float32)
         given = PointArrays(
             np.ascontiguousarray(points.frames, np.float32), np.ascontiguousarray(points.wo, np.float32),
             np.ascontiguousarray(points.corners, np.int64), np.ascontiguousarray(points.shares, np.float32),
         )  # fmt: skip
         table = TableArrays(self.table.values, self.table.width, self.table.period)
-        sum_lobe(given, self.sight, CellArrays(cells.light, cells.places, cells.starts), table, out)
+        sum_lobe(given, self.sight, CellArrays(cells.light, cells.places, cells.starts), table, out, half_seen)
         return out
 
     def at_vertices(

@@ -8,7 +8,7 @@ from numba import prange
 
 from homofact.linear.kernels import kernel
 from homofact.relighting.lobe_light import seen_part
-from homofact.relighting.lobe_table import STEEPEST
+from homofact.relighting.lobe_table import FARTHEST, PEAK, STEEPEST
 
 # The widest cell, its extent in slopes of h as a part of the table's width w. Beyond slopes of `CORE` w it may grow
 # with the slope.
@@ -42,6 +42,26 @@ class TableArrays(NamedTuple):
     period: float
 
 
+class HalfSeenCells(NamedTuple):
+    """Cells that some corners of a point see more of than others: `found` (P,) of them, as many as there is room for.
+
+    `cells` (P, M) are their numbers, `light` (P, M, 3) what a whole cell sends to the viewer, `seen` (P, M) the part
+    that was summed. Cells whose light hangs on it by less than `least` are left out.
+    """
+
+    cells: np.ndarray
+    light: np.ndarray
+    seen: np.ndarray
+    found: np.ndarray
+    least: float
+
+    @classmethod
+    def room(cls, points: int, most: int, least: float = 0.0) -> "HalfSeenCells":
+        """Room for `most` cells a point."""
+        light = np.zeros((points, most, 3), np.float32)
+        return cls(np.zeros((points, most), np.int64), light, light[..., 0].copy(), np.zeros(points, np.int64), least)
+
+
 @kernel(nogil=True, inline="always", fastmath=True)
 def _added(grid, a, b, own, found):  # pragma: no cover (compiled)
     """(3 values) with `own` times those of a grid of half vectors at (a, b), bilinear."""
@@ -60,14 +80,17 @@ def _added(grid, a, b, own, found):  # pragma: no cover (compiled)
 
 
 @kernel(nogil=True, parallel=True, fastmath=True)
-def sum_lobe(points, sight, cells, lobe, out):  # pragma: no cover (compiled)
+def sum_lobe(points, sight, cells, lobe, out, half_seen):  # pragma: no cover (compiled)
     """Radiance `out` (P, 3) of a lobe at points with frames (P, 3, 3) in the world, towards views (P, 3) in them.
 
     What a point sees is that of the vertices `corners` (P, 3), mixed by `shares` (P, 3); `sight` (V, words).
+    `half_seen` are `HalfSeenCells`.
     """
     table, width, period = lobe
     light, places, starts = cells
     frames, views, corners, shares = points
+    unsure, unsure_light, unsure_seen, count, least = half_seen
+    room = unsure.shape[1]
     levels, turns, nodes = table.shape[0], table.shape[1], table.shape[2]
     top = len(starts) - 1
     texels = np.int64(_ROOT_CELLS) << (2 * top)
@@ -77,6 +100,8 @@ def sum_lobe(points, sight, cells, lobe, out):  # pragma: no cover (compiled)
         finer += 1
     one, half, mid = np.float32(1), np.float32(0.5), np.float32(nodes - 1) / np.float32(2)
     w, widest, tail = np.float32(width), np.float32(WIDEST), np.float32(1 - CORE)
+    # Places on the grid, as `lobe_table` has them.
+    steep, rim = np.float32(PEAK / width), np.float32(1 / math.log1p(FARTHEST * PEAK / width))
     for p in prange(len(frames)):
         ox, oy, oz = views[p, 0], views[p, 1], views[p, 2]
         out[p, 0], out[p, 1], out[p, 2] = 0, 0, 0
@@ -117,12 +142,16 @@ def sum_lobe(points, sight, cells, lobe, out):  # pragma: no cover (compiled)
                     divided = k > 0 and (wide < 0 or extent * short > widest * max(w, slope + tail * w))
                     if not divided and z > 0:
                         size, at = np.int64(1) << (2 * max(k - finer, 0)), place >> (2 * finer)
-                        seen = np.float32(0)
+                        seen, fewest, most = np.float32(0), one, np.float32(0)
                         for c in range(3):
                             if shares[p, c] > 0:
-                                seen += shares[p, c] * seen_part(sight[corners[p, c]], face, at, size, sights)
+                                part = seen_part(sight[corners[p, c]], face, at, size, sights)
+                                seen += shares[p, c] * part
+                                fewest, most = min(fewest, part), max(most, part)
                         if seen > 0:
-                            scale = one / (w + slope)
+                            scale = steep * rim
+                            if slope * steep > np.float32(1e-4):
+                                scale = min(math.log(one + slope * steep) * rim, one) / slope
                             a, b = ((ca * hx + sa * hy) * scale + one) * mid, ((ca * hy - sa * hx) * scale + one) * mid
                             f = (np.float32(0), np.float32(0), np.float32(0))
                             for step in range(2):
@@ -130,10 +159,20 @@ def sum_lobe(points, sight, cells, lobe, out):  # pragma: no cover (compiled)
                                 f = _added(table[low + step, first], a, b, own * (one - over), f)
                                 if turns > 1:
                                     f = _added(table[low + step, second], a, b, own * over, f)
-                            seen *= extent * extent
-                            red += seen * f[0] * light[cell, 0]
-                            green += seen * f[1] * light[cell, 1]
-                            blue += seen * f[2] * light[cell, 2]
+                            whole = extent * extent
+                            sent = (
+                                whole * f[0] * light[cell, 0],
+                                whole * f[1] * light[cell, 1],
+                                whole * f[2] * light[cell, 2],
+                            )
+                            red += seen * sent[0]
+                            green += seen * sent[1]
+                            blue += seen * sent[2]
+                            n = count[p]
+                            if n < room and (most - fewest) * abs(sent[0] + sent[1] + sent[2]) > 3 * least * oz:
+                                unsure[p, n], unsure_seen[p, n], count[p] = cell, seen, n + 1
+                                for c in range(3):
+                                    unsure_light[p, n, c] = sent[c] / oz
                 if divided:
                     k -= 1
                 else:

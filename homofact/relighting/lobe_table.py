@@ -5,12 +5,17 @@ A sharp lobe needs hundreds of in-out factors. What is left without it is smooth
     lobe(ωi, ωo) = T(θo, φo, s)/(cosθi cosθo),    s = (hx, hy)/hz,    h = ωi + ωo,
 
 with h turned so that the viewer's azimuth is 0: T is linear between the nodes of a grid. Highlights stay where they are
-in the half vector, whatever θo, so that few θo do. The nodes of h lie evenly in the square of u = s/(w + |s|), w a few
-widths of the lobe: |s| = w halfway to the rim, which is infinitely far away. Those of θo lie densest near the
-horizon, θ = STEEPEST (1 − (1 − t)²) at even t; a view beyond is raised to it. An isotropic material has one φo.
+in the half vector, whatever θo, so that few θo do. The nodes of h lie evenly in the square of
+
+    u = s/|s| ln(1 + PEAK |s|/w)/ln(1 + PEAK FARTHEST/w),    w a few widths of the lobe:
+
+evenly in s at the peak, evenly in ln s beyond it, since highlights end in tails over decades of s. Beyond slopes of
+FARTHEST the table ends. The nodes of θo lie densest near the horizon, θ = STEEPEST (1 − (1 − t)²) at even t; a view
+beyond is raised to it. An isotropic material has one φo.
 
 T is (f − b) cosθi cosθo, b the least f of that ωo: what is like it stays in the rest. Both cosines take off what grows
-towards the horizon; under it T is 0.
+towards the horizon; under it T is 0. A node holds T less a twelfth of its second differences: a line between samples
+lies x(1 − x)/2 of these above T, a twelfth on average.
 
 The rest is f − lobe, whatever T is: the two add up to f. What the grid does not hold of f is in the rest, and of that
 as much is kept as its in-out factors hold.
@@ -34,12 +39,13 @@ from homofact.brdf.tinted import Tinted
 from homofact.geometry.directions import from_spherical
 
 STEEPEST = math.radians(89.7)
-LEVELS, NODES, TURNS = 40, 41, 24
-_WIDTHS = 3.0  # of the lobe at half height, where the grid is halfway to its rim
+LEVELS, NODES, TURNS = 40, 61, 24
+TURNED_NODES = 41  # with several φo, which make a table large
+PEAK, FARTHEST = 8.0, 20.0
+_WIDTHS = 3.0  # w, in widths of the lobe at half height
 _BROAD = 0.5  # a grid of a larger width holds what is not of the lobe too
-_RIM = 0.995  # of the grid, at most
 # Tables of all of a material: levels and nodes, and what one may err by at pairs of directions up to this angle.
-_SIZES, _SMALL, _NEARLY = ((6, 7), (12, 13), (20, 21), (LEVELS, NODES)), 0.01, 1.2
+_SIZES, _SMALL, _NEARLY = ((6, 7), (12, 13), (20, 21), (40, 41)), 0.01, 1.2
 _PAIRS, _ASKED = 2000, math.radians(85)
 _HORIZON = 0.02  # the least cosθi at which f is asked for a broad grid
 _BASE_COSINE = 0.2  # the least f is looked for at larger cosθi
@@ -122,7 +128,8 @@ class LobeTable:
         h = wi + wo
         slope = h[:, :2] / h[:, 2:].clamp_min(1e-9)
         slope = torch.stack((c * slope[:, 0] + s * slope[:, 1], c * slope[:, 1] - s * slope[:, 0]), 1)
-        u = slope / (self.width + slope.norm(dim=1, keepdim=True))
+        far = slope.norm(dim=1, keepdim=True)
+        u = slope / far.clamp_min(1e-12) * _place_of(far, self.width)
         at = (u + 1) / 2 * (nodes - 1)
         (i, j), (x, y) = at.long().clamp_max(nodes - 2).unbind(1), (at - at.long().clamp_max(nodes - 2)).unbind(1)
         turn = (torch.atan2(wo[:, 1], wo[:, 0]) / self.period % 1) * turns
@@ -215,16 +222,18 @@ def _small_table(reflectance: Reflectance, width: float) -> LobeTable:
 
 
 def _tabulated(
-    reflectance: Reflectance, width: float, lobe: bool, levels: int = LEVELS, nodes: int = NODES
+    reflectance: Reflectance, width: float, lobe: bool, levels: int = LEVELS, nodes: int | None = None
 ) -> LobeTable:
     """T on the grid of a width: of the `lobe`, without the least f; or of all of f, without cosθi."""
     symmetry = find_symmetry(reflectance)
     turns = 1 if symmetry.isotropic else TURNS
+    if nodes is None:
+        nodes = NODES if turns == 1 else TURNED_NODES
     period = math.pi if symmetry.half_turn and turns > 1 else 2 * math.pi
     along = torch.linspace(-1, 1, nodes, dtype=torch.float64)
     u = torch.stack(torch.meshgrid(along, along, indexing="ij"), -1)
     rim = u.norm(dim=-1, keepdim=True)
-    slope = u / rim.clamp_min(1e-12) * (width * rim.clamp_max(_RIM) / (1 - rim.clamp_max(_RIM)))
+    slope = u / rim.clamp_min(1e-12) * _slope_at(rim.clamp_max(1), width)
     theta = _angles(levels)
     values = torch.zeros(levels, turns, nodes, nodes, 3, dtype=torch.float64)
     for level, angle in enumerate(theta.tolist()):
@@ -239,7 +248,27 @@ def _tabulated(
             f = reflectance.evaluate(*asked).double().expand(-1, 3)
             least = f[wi[:, 2] > _BASE_COSINE].amin(0) if lobe else 0.0
             values[level, turn] = (f - least).reshape(nodes, nodes, 3) * (cosine * wo[2])[..., None]
-    return LobeTable(values.float().numpy(), width, period, _channels(reflectance), cosine=lobe)
+    return LobeTable(_fitted(values).float().numpy(), width, period, _channels(reflectance), cosine=lobe)
+
+
+def _place_of(slope: Tensor, width: float) -> Tensor:
+    """|u| of slopes |s| on the grid of a width, 1 at most."""
+    return (torch.log1p(slope * PEAK / width) / math.log1p(FARTHEST * PEAK / width)).clamp_max(1)
+
+
+def _slope_at(place: Tensor, width: float) -> Tensor:
+    """|s| of places |u| up to 1: the inverse of `_place_of`."""
+    return torch.expm1(place * math.log1p(FARTHEST * PEAK / width)) * width / PEAK
+
+
+def _fitted(values: Tensor) -> Tensor:
+    """Grids (L, turns, N, N, 3) less a twelfth of their second differences along both axes, but by half at most."""
+    bent = torch.zeros_like(values)
+    bent[:, :, 1:-1] += values[:, :, 2:] - 2 * values[:, :, 1:-1] + values[:, :, :-2]
+    bent[..., 1:-1, :] += values[..., 2:, :] - 2 * values[..., 1:-1, :] + values[..., :-2, :]
+    # At the foot of a steep peak a whole twelfth would be below 0: a dark ring round the highlight.
+    most = values.abs() / 2
+    return values - (bent / 12).clamp(-most, most)
 
 
 def half_width(reflectance: Reflectance) -> float:

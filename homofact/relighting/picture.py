@@ -1,7 +1,8 @@
 """Pictures of relit objects: the first triangle along each pixel's rays, its vertices' light mixed over it.
 
 As a graphics card does with colours at vertices, and as Wang et al. show their results. A separate lobe is summed at
-each pixel itself: between vertices its normal turns by more than it is wide. Suns and their shadows are computed for
+each pixel itself: between vertices its normal turns by more than it is wide; rays find what a pixel sees of the sky
+where its triangle's corners see different parts. Suns and their shadows are computed for
 each ray, and so are lamps. There are four rays per pixel, and the background is the environment itself with the suns'
 discs. Lamps themselves are seen before what is behind them.
 """
@@ -14,7 +15,7 @@ import torch
 from homofact.meshes.mesh import Mesh
 from homofact.meshes.occlusion import Occluder
 from homofact.relighting.lit import LitObject
-from homofact.relighting.lobe import SurfacePoints
+from homofact.relighting.lobe import PointSight, SurfacePoints
 from homofact.relighting.mapped_points import bent_back, mapped_points
 from homofact.relighting.sunlight import LitPoints
 from homofact.rendering.light import EnvironmentMap
@@ -67,10 +68,11 @@ def picture(
             points = surface_points(mesh, own, shares, -flat[rays], lit[number].bumps)
             if lit[number].varied:
                 found[rays] = lit[number].terms_at(points, camera.eye)
+            lifted = LitPoints.on(mesh, points, occluder.offset)
             if lit[number].lobe is not None:
-                found[rays] += _lobe(lit[number], points, rays, shape[2])
+                found[rays] += _lobe(lit[number], points, rays, shape[2], lifted.sight(occluder))
             if lights:
-                seen = LitPoints.on(mesh, points, occluder.offset).seen(lights, occluder, _SHADOW_RAYS, seed=number)
+                seen = lifted.seen(lights, occluder, _SHADOW_RAYS, seed=number)
                 found[rays] += lit[number].suns_at(points, seen)
         ends = faded(mesh)
         if ends is not None:
@@ -90,16 +92,16 @@ def picture(
     return found.reshape(*shape, 3).mean(2), cover.reshape(shape).mean(2)
 
 
-def _lobe(lit: LitObject, points: SurfacePoints, rays: np.ndarray, samples: int) -> np.ndarray:
+def _lobe(lit: LitObject, points: SurfacePoints, rays: np.ndarray, samples: int, sight: PointSight) -> np.ndarray:
     """The lobe at the points of `rays`, `samples` of them a pixel: once a pixel, at outlines once a ray.
 
     With a normal map it is summed for each ray.
     """
     if lit.bumps is not None:
-        return lit.lobe_at(points)
+        return lit.lobe_at(points, sight)
     key = rays // samples * 2 * samples + np.where(points.wo[:, 2] < _STEEP, samples + rays % samples, 0)
     _, chosen, own = np.unique(key, return_index=True, return_inverse=True)
-    return lit.lobe_at(points.only(chosen))[own]
+    return lit.lobe_at(points.only(chosen), sight.only(chosen))[own]
 
 
 def surface_points(

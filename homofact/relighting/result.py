@@ -36,8 +36,8 @@ from homofact.scene.folders import read_scene_archive, report_name, write_scene_
 
 REPORT = report_name(RELIT)
 _EXPECTED = "a relit scene that homofact wrote"
-_FORMAT, _VERSION = "homofact relit scene", 6
-_OLDEST = 3  # without suns; 4 without lamps; 5 without normal maps
+_FORMAT, _VERSION = "homofact relit scene", 7
+_OLDEST = 7  # with the grids of lobes as they are now
 
 
 @dataclass(frozen=True)
@@ -207,8 +207,8 @@ def open_relit(place: Path) -> RelightResult:
     fields.text("format", (_FORMAT,))
     fields.version("version", _VERSION)
     if header["version"] < _OLDEST:
-        wanted = f"{_OLDEST} to {_VERSION}"
-        raise BadInput(where=file, found=f"version {header['version']}", expected=wanted, hint="relight it again")
+        found, wanted = f"version {header['version']}", f"version {_OLDEST} or later"
+        raise BadInput(where=file, found=found, expected=wanted, hint="relight it again")
     objects = read_objects(arrays, fields)
     sky, references = read_sky(arrays, fields.text("sky")), read_references(arrays, objects)
     return RelightResult(fields.text("name"), objects, sky, read_cameras(fields), read_report(fields), references)

@@ -273,7 +273,7 @@ def _table(part: Part, name: str, numbers: Fields) -> LobeTable:
     if min(levels, rows) < 2 or turns < 1 or rows != columns:
         raise part.refuse(name, f"is of shape {values.shape}", "square grids of two nodes or more")
     width, period = numbers.number("width", above=0), numbers.number("period", above=0)
-    cosine = numbers.flag("cosine") if "cosine" in numbers.found else True
+    cosine = numbers.flag("cosine")
     tinted = None
     if numbers.found.get("tinted") is not None:
         tinted = np.array(numbers.rows("tinted", levels, 3), np.float32)

@@ -25,7 +25,7 @@ from homofact.meshes.occlusion import Occluder
 from homofact.meshes.tangents import frames
 from homofact.relighting.cones import LightCones, RoundLight
 from homofact.relighting.lamps import Lamp
-from homofact.relighting.lobe import SurfacePoints
+from homofact.relighting.lobe import PointSight, SurfacePoints
 from homofact.relighting.lobe_table import LobeTable, half_width
 from homofact.scene.suns import SunTable
 from homofact.settings.options import option
@@ -113,6 +113,10 @@ class LitPoints:
         above = ((corners - flat[:, None]) * normals).sum(2, keepdims=True).clip(0)
         origins = flat + (shares * above * normals).sum(1) + offset * points.normals
         return cls(origins, points.frames, points.horizon)
+
+    def sight(self, occluder: Occluder) -> PointSight:
+        """What meshes hide of the sky from them."""
+        return PointSight(self.origins, occluder)
 
     def seen(
         self, lights: Sequence[RoundLight], occluder: Occluder, samples: int, seed: int | None = None

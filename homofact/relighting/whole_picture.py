@@ -79,7 +79,8 @@ def picture_likeness(
     for relit, found in seen:
         lit = found.lit_points(relit.mesh)
         seen_suns = lit.seen(scene.file.lights, scene.occluder, SAMPLES)
-        shown[found.numbers] = relit.lit(radiance).between(found.mixture, camera.eye, seen_suns)
+        sight = lit.sight(scene.occluder)
+        shown[found.numbers] = relit.lit(radiance).between(found.mixture, camera.eye, seen_suns, sight)
         points, suns = found.points, scene.file.lights
         exact[found.numbers] = summed(points.reflectance, suns, lit, points.wo, scene.occluder, points.tint)
         for first in range(0, len(found.numbers), _PART):

@@ -1,14 +1,15 @@
 """Measure pictures with separate sharp lobes against the sum over every texel, by mesh, material and sky.
 
     python scripts/relighting/relight_lobes.py [--data FOLDER] [--meshes spot,bunny] [--materials NAMES] [--lobe auto]
-        [--terms K] [--work FILE.jsonl]
+        [--terms K] [--sun separate] [--work FILE.jsonl]
 
 A mesh of the size 2 stands alone under a sky and is seen by a camera of 640 × 480. An error is the relative RMS of
 --pixels pixels that see it, drawn by their area, rim included, against the sum over all 6 × 64² texels with the
 reflectance itself (`picture` of `homofact relight`). The transport keeps --kept coefficients per vector; factors are
 those of natural light. Skies: grace, stpeters and studio of the data, a sun of one texel 45° high, and stpeters turned
-by 90°, for which nothing is computed anew; and an even sky with the same sun beside it as [[sun]]. A file stands for
-its fit. Skies per second are changes of the light from nothing, views per second are all vertices towards a new eye.
+by 90°, for which nothing is computed anew; and an even sky with the same sun beside it as [[sun]]. A sun in a map
+becomes a light of its own, as in a scene's file; --sun texels keeps it in the map. A file stands for its fit. Skies per
+second are changes of the light from nothing, views per second are all vertices towards a new eye.
 --work keeps each row as a JSON line, by mesh, material and settings, and beside the file a folder of fits, so that an
 ended run goes on.
 """
@@ -38,6 +39,7 @@ from homofact.relighting.errors import measured_errors
 from homofact.relighting.factored_material import LOBES, factored
 from homofact.relighting.lobe import SeparateLobe
 from homofact.relighting.lobe_table import sun_tables
+from homofact.relighting.map_sun import separate_sun
 from homofact.relighting.precompute import TransportSettings, transport
 from homofact.relighting.relight import RelitMesh
 from homofact.relighting.seen import seen_pixels, seen_vertices
@@ -70,7 +72,7 @@ PANORAMAS = {
     "studio": "studio_small_03_1k.hdr",
 }
 EYE = (0.9, 0.8, 3.4)
-KEPT = 256
+KEPT = 1024
 BESIDE = "sun beside"
 SUN = Sun(np.array([1.0, 1.0, 0.0]) / np.sqrt(2), np.full(3, 1.7), np.radians(RADIUS))
 HEADER = ("mesh", "material", "K", "MB", "precompute, s", "skies/s", "views/s")
@@ -114,10 +116,10 @@ def timed(work: Callable[[], object], least: float = 1.0) -> float:
     return count / (time.perf_counter() - begun)
 
 
-def key_of(mesh: str, name: str, lobe: str, terms: int | None, kept: int, pixels: int) -> str:
+def key_of(mesh: str, name: str, chosen: argparse.Namespace) -> str:
     """What the file of finished rows calls one."""
-    way = lobe if terms is None else f"{lobe}, {terms} terms"
-    return f"{mesh} | {name} | {way} | {kept} kept | {pixels} pixels"
+    way = chosen.lobe if chosen.terms is None else f"{chosen.lobe}, {chosen.terms} terms"
+    return f"{mesh} | {name} | {way} | {chosen.kept} kept | {chosen.pixels} pixels | sun {chosen.sun}"
 
 
 def opened(name: str, folder: Path, fits: FileFits) -> Reflectance:
@@ -140,11 +142,14 @@ def row_of(mesh_name: str, name: str, given: Reflectance, scene: Scene, chosen: 
     pixels = seen_pixels([mesh], 0, given, occluder, Camera(EYE, field=36.0, pixels=(640, 480)), chosen.pixels)
     those = seen_vertices(mesh, given, occluder, EYE, 4)
     errors = {}
-    sunlight = Sunlight.traced((SUN,), sun_tables(given, made.lobe), mesh, occluder)
+    tables = sun_tables(given, made.lobe)
     for light_name, light in scene.lights.items():
         progress(f"{mesh_name}, {name}, {light_name}")
-        relit = RelitObject(mesh, "", moved, None, lobe=lobe, sunlight=sunlight if light_name == BESIDE else None)
-        errors[light_name] = measured_errors(those, relit, light, ("picture",), pixels).errors["picture"]
+        sky, sun = separate_sun(light) if chosen.sun == "separate" else (light, None)
+        suns = (SUN,) if light_name == BESIDE else () if sun is None else (sun,)
+        sunlight = Sunlight.traced(suns, tables, mesh, occluder) if suns else None
+        relit = RelitObject(mesh, "", moved, None, lobe=lobe, sunlight=sunlight)
+        errors[light_name] = measured_errors(those, relit, sky, ("picture",), pixels).errors["picture"]
     relit = RelitMesh(mesh, moved, (), lobe)
     radiance = environment_cube(next(iter(scene.lights.values())), scene.size)
     return {
@@ -168,6 +173,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--terms", type=int, help="of the factors; the rule of the scene's file unless given")
     parser.add_argument("--pixels", type=int, default=100, help="at which errors are measured")
     parser.add_argument("--kept", type=int, default=KEPT, help="coefficients of a transport vector")
+    parser.add_argument("--sun", choices=("separate", "texels"), default="separate", help="of a map")
     parser.add_argument("--work", type=Path, help="keep finished rows in this file, and leave them out the next time")
     chosen = parser.parse_args(arguments)
     folder = data_folder(chosen.data)
@@ -181,7 +187,7 @@ def main(arguments: list[str] | None = None) -> int:
     lights = {"studio": named_environment("studio")} if chosen.short else skies(folder)
     rows, errors = [], []
     for mesh_name in meshes:
-        keys = {name: key_of(mesh_name, name, chosen.lobe, chosen.terms, chosen.kept, chosen.pixels) for name in names}
+        keys = {name: key_of(mesh_name, name, chosen) for name in names}
         missing = [name for name, key in keys.items() if key not in finished]
         if missing:
             mesh = placed(torus_knot(48, 12) if chosen.short else read_mesh(folder / "meshes" / MESHES[mesh_name]))

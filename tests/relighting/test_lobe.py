@@ -21,7 +21,7 @@ from homofact.relighting import cube
 from homofact.relighting.errors import relative
 from homofact.relighting.factored_material import factored
 from homofact.relighting.lit import LitObject
-from homofact.relighting.lobe import SeparateLobe, SurfacePoints
+from homofact.relighting.lobe import PointSight, SeparateLobe, SurfacePoints
 from homofact.relighting.lobe_light import (
     BRIGHT,
     SIGHT,
@@ -35,7 +35,8 @@ from homofact.relighting.lobe_table import LobeTable, lobe_table
 from homofact.relighting.picture import picture, surface_points
 from homofact.relighting.precompute import TransportSettings, transport
 from homofact.relighting.relight import RelitMesh
-from homofact.relighting.seen import SeenVertices, seen_vertices
+from homofact.relighting.seen import SeenVertices, seen_pixels, seen_vertices
+from homofact.relighting.sunlight import LitPoints
 from homofact.relighting.tracer import Tracer
 from homofact.rendering.light import EnvironmentMap
 from homofact.scene.cameras import Camera
@@ -230,15 +231,35 @@ def test_a_picture_has_the_lobe_at_every_pixel() -> None:
     rays = camera.rays(2)[inside].reshape(-1, 3)
     triangle, shares = occluder().first(np.array(EYE)[None], rays)
     points = surface_points(knot(), triangle, shares, -rays)
-    every = lit.lobe_at(points).reshape(-1, 4, 3)
+    every = lit.lobe_at(points, LitPoints.on(knot(), points, occluder().offset).sight(occluder())).reshape(-1, 4, 3)
+    close = 0.01 * float(every.mean())
     # Where the pixel is not at an outline one of its rays stands for all.
     smooth = (points.wo[:, 2].reshape(-1, 4) >= 0.3).all(1)
     assert smooth.any()
-    assert (shown - plain)[inside][smooth] == pytest.approx(every[smooth, 0], rel=1e-4, abs=1e-6)
+    assert (shown - plain)[inside][smooth] == pytest.approx(every[smooth, 0], rel=0.01, abs=close)
     # At an outline each ray has its own.
     steep = (points.wo[:, 2].reshape(-1, 4) < 0.3).all(1)
     assert np.ptp(every[steep], axis=1).max() > 0.01
-    assert (shown - plain)[inside][steep] == pytest.approx(every[steep].mean(1), rel=1e-4, abs=1e-6)
+    assert (shown - plain)[inside][steep] == pytest.approx(every[steep].mean(1), rel=0.01, abs=close)
+
+
+def test_rays_find_where_the_mirror_image_of_a_shadow_ends() -> None:
+    """Between vertices that see different parts of a lamp: as if each pixel had been traced by itself."""
+    camera, sharp = Camera(EYE, pixels=(48, 36)), Phong((0.3, 0.2, 0.1), (0.4,) * 3, 2000)
+    found = seen_pixels([knot()], 0, sharp, occluder(), camera, None)
+    lobe, cells = apart(sharp), LightCells.of(studio())
+    flat = found.points.mesh
+    sight = PointSight(flat.positions + occluder().offset * flat.normals, occluder())
+    own = traced_sight(flat, occluder(), SIZE)
+    at = SurfacePoints.at_vertices(found.mixture.frames, found.mixture.wo, np.arange(len(own)))
+    exact = replace(lobe, sight=own).at(at, cells)
+    mixed, traced = lobe.at(found.mixture, cells), lobe.at(found.mixture, cells, sight)
+    assert relative(mixed, exact) > 0.08
+    assert relative(traced, exact) < 0.02
+    # At vertices nothing is between, and the numbers stay.
+    vertices = SurfacePoints.all_vertices(knot().positions, frames(knot().normals), EYE)
+    nowhere = PointSight(np.zeros((len(vertices.frames), 3)), occluder())
+    assert np.array_equal(lobe.at(vertices, cells), lobe.at(vertices, cells, nowhere))
 
 
 def test_a_normal_that_is_turned_away_is_bent_back() -> None:

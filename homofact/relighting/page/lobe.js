@@ -11,6 +11,26 @@ const ROOTS = 8, ROOT_CELLS = ROOTS * ROOTS;
 // Numbers of a cell: direction, signed size, radiance, one unused.
 const CELL = 8;
 
+// The nodes of a table lie evenly in ln(1 + PEAK |s|/width) up to |s| = FARTHEST (lobe_table.py).
+const PEAK = 8, FARTHEST = 20;
+
+/** What a half vector's slopes of the length `slope` are multiplied by to be its place on a table's grid, from -1 to 1. */
+function placeScale(slope, width) {
+  const steep = PEAK / width, rim = 1 / Math.log1p(FARTHEST * steep);
+  return slope * steep > 1e-4 ? Math.min(Math.log1p(slope * steep) * rim, 1) / slope : steep * rim;
+}
+
+/** The same for shaders. */
+const PLACE_SCALE = `
+#ifndef PLACE_SCALE
+#define PLACE_SCALE
+float placeScale(float slope, float width) {
+  float steep = ${PEAK}.0 / width, rim = 1.0 / log(1.0 + ${FARTHEST}.0 * steep);
+  return slope * steep > 1e-4 ? min(log(1.0 + slope * steep) * rim, 1.0) / slope : steep * rim;
+}
+#endif
+`;
+
 /** Row and column of a place in Morton's order: bits of the two in turn, the row's first. */
 function mortonPlace(place) {
   let row = 0, column = 0;
@@ -174,13 +194,13 @@ function lobeAt(lobe, vertex, frame, across, oz, grids, cells) {
       if (z > -0.5 * extent - 0.25 * extent * extent) {
         const short = 1 / (Math.max(z, 0) + oz);
         const hx = (xx * dx + xy * dy + xz * dz + across) * short, hy = (yx * dx + yy * dy + yz * dz) * short;
-        const slope = Math.sqrt(hx * hx + hy * hy), scale = 1 / (width + slope);
+        const slope = Math.sqrt(hx * hx + hy * hy);
         divided = k > 0 && (wide < 0 || extent * short > WIDEST * Math.max(width, slope + (1 - CORE) * width));
         if (!divided && z > 0) {
           const size = 1 << (2 * Math.max(k - finer, 0)), at = face * sights + (place >> (2 * finer));
           const part = seenPart(sight, vertex * words, at, size);
           if (part > 0) {
-            const seen = part * extent * extent;
+            const seen = part * extent * extent, scale = placeScale(slope, width);
             let a = (hx * scale + 1) * mid, b = (hy * scale + 1) * mid;
             const i = Math.min(Math.floor(a), nodes - 2), j = Math.min(Math.floor(b), nodes - 2);
             a -= i;

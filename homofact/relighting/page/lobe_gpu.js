@@ -11,7 +11,7 @@ const LOBE_UNITS = { cells: 2, table: 3, sight: 4 };
  * v_corners, by its shares, v_share.
  */
 const lobeSum = ({ levels, turns, nodes, words, tinted }, between = false) => `
-uniform highp sampler2D u_cells;
+${PLACE_SCALE}uniform highp sampler2D u_cells;
 uniform highp sampler2DArray u_lobe;
 uniform highp usampler2D u_sight;
 uniform float u_lobe_scale;
@@ -90,12 +90,12 @@ ${tinted ? "  lobeTinted = mix(LOBE_TINTED[low], LOBE_TINTED[low + 1], up);\n" :
       if (z > -0.5 * extent - 0.25 * extent * extent) {
         float unit = 1.0 / (max(z, 0.0) + oz);
         vec2 h = vec2(dot(x, d.xyz) + across, dot(y, d.xyz)) * unit;
-        float slope = length(h), scale = 1.0 / (u_lobe_width + slope);
+        float slope = length(h);
         divided = k > 0 && (d.w < 0.0 || extent * unit > ${WIDEST} * max(u_lobe_width, slope + ${(1 - CORE).toFixed(3)} * u_lobe_width));
         if (!divided && z > 0.0) {
           float seen = seenPart(face * sights + (place >> (2 * u_finer)), 1 << (2 * max(k - u_finer, 0)));
           if (seen > 0.0) {
-            vec2 at = (h * scale + 1.0) * ${((nodes - 1) / 2).toFixed(1)};
+            vec2 at = (h * placeScale(slope, u_lobe_width) + 1.0) * ${((nodes - 1) / 2).toFixed(1)};
 ${turns === 1 ? `            vec3 f = mix(tableAt(at, 0, low), tableAt(at, 0, low + 1), up);
 ` : `            vec3 f = mix(mix(tableAt(at, first, low), tableAt(at, first, low + 1), up),
               mix(tableAt(at, second, low), tableAt(at, second, low + 1), up), over);

@@ -79,7 +79,7 @@ function spreadSuns(suns, turn, n) {
 
 /** T (three numbers) of a table at the slopes of a half vector; `grids` are those of `tableAt`. */
 function tableValue({ width, nodes, values }, grids, hx, hy) {
-  const scale = 1 / (width + Math.hypot(hx, hy)), mid = (nodes - 1) / 2, row = 3 * nodes, found = [0, 0, 0];
+  const scale = placeScale(Math.hypot(hx, hy), width), mid = (nodes - 1) / 2, row = 3 * nodes, found = [0, 0, 0];
   const a = (hx * scale + 1) * mid, b = (hy * scale + 1) * mid;
   const i = Math.min(Math.floor(a), nodes - 2), j = Math.min(Math.floor(b), nodes - 2), u = a - i, v = b - j;
   for (const [start, own] of grids) {

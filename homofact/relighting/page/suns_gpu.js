@@ -9,7 +9,7 @@ const SUN_UNITS = { tables: [5, 6, 10], shadow: 7, depths: 8 };
 
 /** `besideSky(position, normal)`; u_eye stands before it. */
 const lightSum = ({ tables }, count) => `
-uniform highp sampler2DArrayShadow u_shadow;
+${PLACE_SCALE}uniform highp sampler2DArrayShadow u_shadow;
 uniform highp sampler2DArray u_depths;
 // The direction to a sun and 0, or the place of a lamp and its radius; what it sends; half of a sun's angle.
 uniform vec4 u_light_at[${count}];
@@ -172,7 +172,7 @@ function tableLookUp({ levels, turns, nodes, cosine, tinted }, k) {
   return `    level = place * ${levels - 1}.0;
     low = min(int(level), ${levels - 2});
     up = min(level - float(low), 1.0);
-    at = (h / (u_sun_numbers_${k}.y + length(h)) + 1.0) * ${((nodes - 1) / 2).toFixed(1)};
+    at = (h * placeScale(length(h), u_sun_numbers_${k}.y) + 1.0) * ${((nodes - 1) / 2).toFixed(1)};
 ${turns === 1 ? "" : `    turn = fract(atan(turned.y, turned.x) / u_sun_numbers_${k}.z) * ${turns}.0;
     over = fract(turn);
     first = int(turn) % ${turns};
