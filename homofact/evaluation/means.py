@@ -198,7 +198,7 @@ def _groups(fits: Sequence[MeasuredFit]) -> list[str]:
     for name in names:
         rows = mean_rows(fits, name)
         lines += [_across(escaped(name), rows[0]), *map(_line, rows), r"\midrule"]
-    return [*lines, _across("All sources", rows[0])]
+    return [*lines, _across("All sources", mean_rows(fits)[0])]
 
 
 def _across(words: str, row: MeanRow) -> str:

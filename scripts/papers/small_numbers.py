@@ -36,9 +36,18 @@ from scripts.compression.real_fits import (
 from scripts.compression.real_measurements import COUNT
 from scripts.compression.real_tables import off, ratios
 from scripts.papers.latex import Macros, figure, fixed, percent, words
-from scripts.papers.small_results import EXPERIMENTS, FACTORED_TERMS, GLOSSY, MESH, PIXELS, RELIT, SLICED, Results
+from scripts.papers.small_results import (
+    COEFFICIENTS,
+    EXPERIMENTS,
+    FACTORED_TERMS,
+    GLOSSY,
+    MESH,
+    PIXELS,
+    RELIT,
+    SLICED,
+    Results,
+)
 from scripts.papers.small_tables import NEAR_ALBEDO, NEAR_ENERGY, NEAR_FLOOR, SHAPES
-from scripts.relighting.relight_lobes import KEPT
 from scripts.shared.harness import CORNELL
 from scripts.speed.error_against_time import WAYS
 
@@ -210,7 +219,7 @@ def _time(macros: Macros, results: Results) -> None:
 
 def _relighting(macros: Macros, results: Results) -> None:
     macros.add("relitPixels", PIXELS)
-    macros.add("relitKept", KEPT)
+    macros.add("relitKept", COEFFICIENTS)
     macros.add("relitMesh", words(MESH))
     macros.add("relitTerms", FACTORED_TERMS)
     macros.add("mostShared", MOST_SHARED)

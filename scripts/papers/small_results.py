@@ -34,7 +34,7 @@ PUBLISHED_LINES = ROOT / "scripts" / "compression" / "real_measurements.jsonl"
 STRAIGHTENING, SLICES, SEARCH, TIME, RELIGHTING = "straightening", "slices", "search", "time", "relighting"
 CONDITIONS = "conditions"
 SLICED, SLICE_DEGREES, SLICE_WIDTH = "cc_nothern_aurora", (30.0, 60.0), 8.0
-PIXELS, FACTORED_TERMS = 40, 32
+PIXELS, FACTORED_TERMS, COEFFICIENTS = 40, 32, 256
 MESH = "spot"
 GLOSSY = ("ashikhmin-shirley", "exponent 2000", "golden yellow")
 RELIT = ("lambert", *GLOSSY)
@@ -84,7 +84,8 @@ def _time(data: Path, file: Path) -> None:
 
 
 def _relighting(data: Path, file: Path) -> None:
-    given = ["--data", str(data), "--work", str(file), "--meshes", MESH, "--pixels", str(PIXELS), "--materials"]
+    given = ["--data", str(data), "--work", str(file), "--meshes", MESH, "--pixels", str(PIXELS)]
+    given += ["--kept", str(COEFFICIENTS), "--sun", "texels", "--materials"]
     relight_lobes.main([*given, ",".join(RELIT)])
     relight_lobes.main([*given, ",".join(GLOSSY), "--lobe", "factored", "--terms", str(FACTORED_TERMS)])
 
@@ -113,7 +114,7 @@ class Results:
     def relit(self, name: str, terms: int | None = None) -> dict[str, Any]:
         """The row of a material that is relit: as homofact chooses, or with in-out factors alone."""
         lobe = "auto" if terms is None else "factored"
-        return self.relighting[relight_lobes.key_of(MESH, name, lobe, terms, relight_lobes.KEPT, PIXELS)]
+        return self.relighting[relight_lobes.key_of(MESH, name, lobe, terms, COEFFICIENTS, PIXELS, "texels")]
 
 
 def read(folder: Path) -> Results:

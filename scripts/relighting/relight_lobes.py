@@ -116,10 +116,10 @@ def timed(work: Callable[[], object], least: float = 1.0) -> float:
     return count / (time.perf_counter() - begun)
 
 
-def key_of(mesh: str, name: str, chosen: argparse.Namespace) -> str:
+def key_of(mesh: str, name: str, lobe: str, terms: int | None, kept: int, pixels: int, sun: str = "separate") -> str:
     """What the file of finished rows calls one."""
-    way = chosen.lobe if chosen.terms is None else f"{chosen.lobe}, {chosen.terms} terms"
-    return f"{mesh} | {name} | {way} | {chosen.kept} kept | {chosen.pixels} pixels | sun {chosen.sun}"
+    way = lobe if terms is None else f"{lobe}, {terms} terms"
+    return f"{mesh} | {name} | {way} | {kept} kept | {pixels} pixels{' | own sun' if sun == 'separate' else ''}"
 
 
 def opened(name: str, folder: Path, fits: FileFits) -> Reflectance:
@@ -187,7 +187,10 @@ def main(arguments: list[str] | None = None) -> int:
     lights = {"studio": named_environment("studio")} if chosen.short else skies(folder)
     rows, errors = [], []
     for mesh_name in meshes:
-        keys = {name: key_of(mesh_name, name, chosen) for name in names}
+        keys = {
+            name: key_of(mesh_name, name, chosen.lobe, chosen.terms, chosen.kept, chosen.pixels, chosen.sun)
+            for name in names
+        }
         missing = [name for name, key in keys.items() if key not in finished]
         if missing:
             mesh = placed(torus_knot(48, 12) if chosen.short else read_mesh(folder / "meshes" / MESHES[mesh_name]))

@@ -160,7 +160,7 @@ def test_an_export_of_8_bits_stays_as_it_is(result: Path, tmp_path: Path) -> Non
 def test_an_engine_keeps_8_bits_if_it_reads_them(monkeypatch: pytest.MonkeyPatch, result: Path, tmp_path: Path) -> None:
     assert main(["export", str(result), "--to", str(tmp_path / "first"), "--format", "png8", "-q"]) == 0
     for name, formats, ending in (("reads", ("exr16", "png8"), ".png"), ("reads-not", ("exr16", "exr"), ".exr")):
-        monkeypatch.setitem(ENGINES, name, Engine(name, formats, lambda _: Added({"README.md": "Read it."})))
+        monkeypatch.setitem(ENGINES, name, Engine(name, formats, lambda _: Added({"README.md": "Read it."}), "a file"))
         assert main(["export", str(tmp_path / "first"), "--to", str(tmp_path / name), "--engine", name, "-q"]) == 0
         assert (tmp_path / name / f"texture_0{ending}").exists()
 

@@ -85,7 +85,7 @@ def test_separate_lobes_are_measured_once(capsys: pytest.CaptureFixture[str], tm
     assert 0 < float(columns["studio"].rstrip("%")) < 30
     assert float(columns["views/s"]) > 0
     key, row = json.loads(work.read_text(encoding="utf-8"))
-    assert key == "knot | exponent 2000 | auto | 256 kept | 100 pixels"
+    assert key == "knot | exponent 2000 | auto | 1024 kept | 100 pixels | own sun"
     assert (row["terms"], row["separate"], list(row["errors"])) == (1, True, ["studio"])
     assert f"{row['errors']['studio']:.1%}" in first
     assert lobes.main(["--short", "--work", str(work)]) == 0
