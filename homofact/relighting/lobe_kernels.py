@@ -79,6 +79,35 @@ def _added(grid, a, b, own, found):  # pragma: no cover (compiled)
     )
 
 
+@kernel(nogil=True, inline="always", fastmath=True)
+def _times(f, light, share):  # pragma: no cover (compiled)
+    """Three values times light and a share of it."""
+    return share * f[0] * light[0], share * f[1] * light[1], share * f[2] * light[2]
+
+
+@kernel(nogil=True, inline="always", fastmath=True)
+def _seen_between(sight, corners, shares, face, place, size, texels):  # pragma: no cover (compiled)
+    """What a point sees of a cell, mixed of its corners, and the least and the most that one of them sees."""
+    seen, fewest, most = np.float32(0), np.float32(1), np.float32(0)
+    for c in range(3):
+        if shares[c] > 0:
+            part = seen_part(sight[corners[c]], face, place, size, texels)
+            seen += shares[c] * part
+            fewest, most = min(fewest, part), max(most, part)
+    return seen, fewest, most
+
+
+@kernel(nogil=True)
+def _note(half_seen, p, cell, sent, seen, oz):  # pragma: no cover (compiled)
+    """Keeps a cell of the point p, if there is room."""
+    cells, light, parts, found, _ = half_seen
+    n = found[p]
+    if n < cells.shape[1]:
+        cells[p, n], parts[p, n], found[p] = cell, seen, n + 1
+        for c in range(3):
+            light[p, n, c] = sent[c] / oz
+
+
 @kernel(nogil=True, parallel=True, fastmath=True)
 def sum_lobe(points, sight, cells, lobe, out, half_seen):  # pragma: no cover (compiled)
     """Radiance `out` (P, 3) of a lobe at points with frames (P, 3, 3) in the world, towards views (P, 3) in them.
@@ -89,8 +118,7 @@ def sum_lobe(points, sight, cells, lobe, out, half_seen):  # pragma: no cover (c
     table, width, period = lobe
     light, places, starts = cells
     frames, views, corners, shares = points
-    unsure, unsure_light, unsure_seen, count, least = half_seen
-    room = unsure.shape[1]
+    room, least = half_seen[0].shape[1], half_seen[4]
     levels, turns, nodes = table.shape[0], table.shape[1], table.shape[2]
     top = len(starts) - 1
     texels = np.int64(_ROOT_CELLS) << (2 * top)
@@ -142,12 +170,7 @@ def sum_lobe(points, sight, cells, lobe, out, half_seen):  # pragma: no cover (c
                     divided = k > 0 and (wide < 0 or extent * short > widest * max(w, slope + tail * w))
                     if not divided and z > 0:
                         size, at = np.int64(1) << (2 * max(k - finer, 0)), place >> (2 * finer)
-                        seen, fewest, most = np.float32(0), one, np.float32(0)
-                        for c in range(3):
-                            if shares[p, c] > 0:
-                                part = seen_part(sight[corners[p, c]], face, at, size, sights)
-                                seen += shares[p, c] * part
-                                fewest, most = min(fewest, part), max(most, part)
+                        seen, fewest, most = _seen_between(sight, corners[p], shares[p], face, at, size, sights)
                         if seen > 0:
                             scale = steep * rim
                             if slope * steep > np.float32(1e-4):
@@ -159,20 +182,12 @@ def sum_lobe(points, sight, cells, lobe, out, half_seen):  # pragma: no cover (c
                                 f = _added(table[low + step, first], a, b, own * (one - over), f)
                                 if turns > 1:
                                     f = _added(table[low + step, second], a, b, own * over, f)
-                            whole = extent * extent
-                            sent = (
-                                whole * f[0] * light[cell, 0],
-                                whole * f[1] * light[cell, 1],
-                                whole * f[2] * light[cell, 2],
-                            )
+                            sent = _times(f, light[cell], extent * extent)
                             red += seen * sent[0]
                             green += seen * sent[1]
                             blue += seen * sent[2]
-                            n = count[p]
-                            if n < room and (most - fewest) * abs(sent[0] + sent[1] + sent[2]) > 3 * least * oz:
-                                unsure[p, n], unsure_seen[p, n], count[p] = cell, seen, n + 1
-                                for c in range(3):
-                                    unsure_light[p, n, c] = sent[c] / oz
+                            if room > 0 and (most - fewest) * abs(sent[0] + sent[1] + sent[2]) > 3 * least * oz:
+                                _note(half_seen, p, cell, sent, seen, oz)
                 if divided:
                     k -= 1
                 else:
