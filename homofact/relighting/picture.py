@@ -1,10 +1,10 @@
 """Pictures of relit objects: the first triangle along each pixel's rays, its vertices' light mixed over it.
 
 As a graphics card does with colours at vertices, and as Wang et al. show their results. A separate lobe is summed at
-each pixel itself: between vertices its normal turns by more than it is wide; rays find what a pixel sees of the sky
-where its triangle's corners see different parts. Suns and their shadows are computed for
-each ray, and so are lamps. There are four rays per pixel, and the background is the environment itself with the suns'
-discs. Lamps themselves are seen before what is behind them.
+each pixel itself: between vertices its normal turns by more than it is wide. Where the corners of a triangle see
+different parts of the sky, rays find what the pixel sees. Suns and their shadows are computed for each ray, and so are
+lamps. There are four rays per pixel, and the background is the environment itself with the suns' discs. Lamps
+themselves are seen before what is behind them.
 """
 
 from collections.abc import Sequence

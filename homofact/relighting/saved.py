@@ -91,8 +91,8 @@ def read_object(
         raise part.refuse("factors_view", f"is of shape {view.shape}", "square maps")
     strength = part.floats("factors_strength", (terms,), least=0.0, dtype=np.float64)
     energy, beside = entry.number("energy", above=0), entry.number("beside")
-    bounced = entry.whole("bounced", 0, terms) if "bounced" in entry.found else 0
-    tinted = entry.whole("tinted", 0, terms - bounced) if "tinted" in entry.found else 0
+    bounced = entry.whole("bounced", 0, terms)
+    tinted = entry.whole("tinted", 0, terms - bounced)
     reach = entry.number("reach", above=0) if entry.found.get("reach") is not None else None
     if reach is not None and reach > MOST_REACH:
         entry.refuse("reach", f"at most {MOST_REACH:g}")
