@@ -12,11 +12,11 @@ from homofact.meshes.mesh import Mesh
 from homofact.meshes.occlusion import Occluder
 from homofact.meshes.shapes import ground, sphere, torus_knot
 from homofact.relighting.lobe import SeparateLobe
-from homofact.relighting.lobe_light import traced_sight
 from homofact.relighting.lobe_table import lobe_table
 from homofact.relighting.page.build import PageObject
 from homofact.relighting.page.skies import page_sky
 from homofact.relighting.precompute import TransportSettings, transport
+from homofact.relighting.sight import VertexSight, traced_sight
 from homofact.rendering.light import EnvironmentMap
 
 # Finer than what vertices know of their surroundings.
@@ -36,7 +36,7 @@ def scene() -> relit_scene.Scene:
     settings = TransportSettings(SIZE, kept=16)
     objects = []
     for mesh, name in ((knot, "ashikhmin-shirley-wang"), (ball, "cook-torrance-plastic")):
-        lobe = SeparateLobe(lobe_table(material(name).model), traced_sight(mesh, occluder, SIZE))
+        lobe = SeparateLobe(lobe_table(material(name).model), VertexSight.of(traced_sight(mesh, occluder, SIZE)))
         made = transport(mesh, factors(2, 3), settings, occluder)
         objects.append(PageObject(mesh.name, mesh, made, name, lobe=lobe))
     made = transport(plane, factors(1, 1), settings, occluder)

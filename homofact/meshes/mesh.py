@@ -31,7 +31,8 @@ class Mesh:
     """`positions` (V, 3) and unit `normals` (V, 3) float64, `triangles` (T, 3) int64 into them; `name` for captions.
 
     `remarks` list the repairs made when it was read. `uv` (V, 2) are texture coordinates, v downwards, where it has
-    any. `tangents` (V, 4) are unit tangents with the sign of the binormal, where a normal map needs them.
+    any. `tangents` (V, 4) are unit tangents with the sign of the binormal, where a normal map needs them. `origins`
+    (V, 3) are where the light of the vertices is asked, if some lie inside other parts (`meshes.buried`).
     """
 
     positions: np.ndarray
@@ -41,6 +42,12 @@ class Mesh:
     remarks: tuple[str, ...] = ()
     uv: np.ndarray | None = None
     tangents: np.ndarray | None = None
+    origins: np.ndarray | None = None
+
+    @property
+    def lit_at(self) -> np.ndarray:
+        """Where the light of the vertices is asked (V, 3): at their positions, unless there are `origins`."""
+        return self.positions if self.origins is None else self.origins
 
 
 def read_mesh(path: str | os.PathLike[str], fitted: bool = True) -> Mesh:

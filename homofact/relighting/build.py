@@ -8,6 +8,7 @@ import numpy as np
 
 from homofact.brdf.analytic import Lambert
 from homofact.brdf.tinted import Tinted
+from homofact.meshes.buried import with_open_origins
 from homofact.meshes.mesh import Mesh
 from homofact.meshes.occlusion import Occluder
 from homofact.relighting.clusters import Clustered, clustered
@@ -17,11 +18,11 @@ from homofact.relighting.interreflection import ORDER, BounceColours, Interrefle
 from homofact.relighting.lamps import check_lamps
 from homofact.relighting.lit import LitObject
 from homofact.relighting.lobe import SeparateLobe
-from homofact.relighting.lobe_light import sight_words
 from homofact.relighting.lobe_table import LobeTable, sun_tables
 from homofact.relighting.plan import ObjectPlan, plan_object
 from homofact.relighting.precompute import TransportCost, TransportSettings, WaveletTransport, cost, transport
 from homofact.relighting.scene_file import RelightGroundTable, RelightObjectTable, RelightSceneFile
+from homofact.relighting.sight import sight_words
 from homofact.relighting.smooth_response import mean_albedo, smooth_response
 from homofact.relighting.sunlight import Sunlight
 from homofact.relighting.tilted_view import TiltedView
@@ -154,6 +155,7 @@ def open_relight_scene(
     objects, notes = place_objects(file.objects, file.ground, file.cameras, stage, fits, check, normal_maps=True)
     notes = (*file.notes, *notes)
     occluder = MeshGroup([placed.mesh for placed in objects]).occluder
+    objects = tuple(replace(placed, mesh=with_open_origins(placed.mesh, occluder)) for placed in objects)
     tables = [*file.objects, *([] if file.ground is None else [file.ground])]
     known: dict[tuple[object, ...], FactoredMaterial] = {}
     choices = []
@@ -173,8 +175,9 @@ def open_relight_scene(
             made = made if placed.bumps is None else made.with_normals(placed.bumps.sines)
             choices.append(TransportChoice(made, plan.settings(file.settings), plan))
             continue
-        # A mesh without texture coordinates has no texture, whatever its material.
-        key = (words, placed.tint is None, placed.bumps is None, table.lobe, table.terms, table.error, table.share)
+        # A mesh without texture coordinates has no texture, whatever its material. Textures may have the same mean.
+        name = reflectance if isinstance(reflectance, Tinted) and placed.bumps is None else words
+        key = (name, placed.tint is None, placed.bumps is None, table.lobe, table.terms, table.error, table.share)
         if key not in known:
             if stage is not None:
                 stage(f"factoring {Path(words).name}")

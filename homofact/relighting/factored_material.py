@@ -28,6 +28,8 @@ MOST_SHARED = 32
 # terms for a percent. An odd number, since all but the strongest come in pairs.
 MOST_REST = 9
 ERROR = 0.02
+# What a share close to 1 asks for at most of the parts of a textured material.
+_TIGHTEST = 1e-3
 
 
 @dataclass(frozen=True)
@@ -87,16 +89,21 @@ def in_parts(
     error: float | None = None,
     light: EnvironmentMap | None = None,
 ) -> FactoredMaterial:
-    """The factors of a material with a texture: of each of its parts by the rule that made those of the `whole`."""
+    """The factors of a material with a texture: of each of its parts by the rule that made those of the `whole`.
+
+    A `share` counts the energy of f itself, of which a gloss has much more than of the light that it sends back. Each
+    part by its own share would hold that of the gloss to a twentieth of what the whole leaves: the parts follow the
+    error of the whole instead.
+    """
     lobe, size = whole.lobe, whole.factors.view.shape[1]
     rest = reflectance if lobe is None else without_lobe(reflectance, lobe)
     assert isinstance(rest, Tinted)
-    if lobe is not None and terms is None and error is None:
-        error = ERROR
+    if terms is None and error is None:
+        error = ERROR if lobe is not None else max(whole.factors.expected_error, ERROR if share is None else _TIGHTEST)
     found = []
     for part in (rest.tinted, rest.plain):
         if error is None:
-            made = factor(part, terms, SHARE if share is None else share, size, light=light)
+            made = factor(part, terms, map_size=size, light=light)
         else:
             # Errors of the two add up in squares.
             own = factors_of_sizes(part, (size,), error=error / math.sqrt(2), light=light, whole=whole.factors.energy)

@@ -203,7 +203,7 @@ class Interreflection:
         def block(first: int) -> None:
             for v in range(first, min(first + _BLOCK, len(own))):
                 count = factors.bounced // parts // self.colours
-                found[v] = np.tile(self.received(mesh.positions[v], own[v], count, light), (parts, 1))
+                found[v] = np.tile(self.received(mesh.lit_at[v], own[v], count, light), (parts, 1))
 
         in_parallel(block, list(range(0, len(own), _BLOCK)))
         return found

@@ -14,8 +14,9 @@ from homofact.errors import BadInput
 from homofact.meshes.mesh import Mesh
 from homofact.meshes.occlusion import Occluder
 from homofact.relighting.lobe_kernels import CellArrays, HalfSeenCells, PointArrays, TableArrays, sum_lobe
-from homofact.relighting.lobe_light import LightCells, kept_sight
+from homofact.relighting.lobe_light import LightCells
 from homofact.relighting.lobe_table import LobeTable
+from homofact.relighting.sight import VertexSight, kept_sight
 
 # Cells of a point that its corners see differently: those that rays are sent to at most, and the least light of one as
 # a part of the mean of all points. So many points at a time.
@@ -89,10 +90,10 @@ class PointSight:
 
 @dataclass(frozen=True)
 class SeparateLobe:
-    """A lobe and what every vertex `sight` (V, words) sees of the sky, as `lobe_light.traced_sight` makes it."""
+    """A lobe and the `sight` of every vertex, what it sees of the sky."""
 
     table: LobeTable
-    sight: np.ndarray
+    sight: VertexSight
 
     @classmethod
     def traced(
@@ -102,7 +103,7 @@ class SeparateLobe:
 
         `folder` keeps what the vertices see for a later run. Raises BadInput for a damaged file there.
         """
-        return None if table is None else cls(table, kept_sight(mesh, occluder, size, folder))
+        return None if table is None else cls(table, VertexSight.of(kept_sight(mesh, occluder, size, folder)))
 
     @property
     def nbytes(self) -> int:
@@ -138,7 +139,7 @@ class SeparateLobe:
             np.ascontiguousarray(points.corners, np.int64), np.ascontiguousarray(points.shares, np.float32),
         )  # fmt: skip
         table = TableArrays(self.table.values, self.table.width, self.table.period)
-        sum_lobe(given, self.sight, CellArrays(cells.light, cells.places, cells.starts), table, out, half_seen)
+        sum_lobe(given, self.sight.arrays, CellArrays(cells.light, cells.places, cells.starts), table, out, half_seen)
         return out
 
     def at_vertices(

@@ -7,8 +7,8 @@ import numpy as np
 from numba import prange
 
 from homofact.linear.kernels import kernel
-from homofact.relighting.lobe_light import seen_part
 from homofact.relighting.lobe_table import FARTHEST, PEAK, STEEPEST
+from homofact.relighting.sight import seen_part
 
 # The widest cell, its extent in slopes of h as a part of the table's width w. Beyond slopes of `CORE` w it may grow
 # with the slope.
@@ -86,12 +86,12 @@ def _times(f, light, share):  # pragma: no cover (compiled)
 
 
 @kernel(nogil=True, inline="always", fastmath=True)
-def _seen_between(sight, corners, shares, face, place, size, texels):  # pragma: no cover (compiled)
+def _seen_between(sight, corners, shares, face, place, size):  # pragma: no cover (compiled)
     """What a point sees of a cell, mixed of its corners, and the least and the most that one of them sees."""
     seen, fewest, most = np.float32(0), np.float32(1), np.float32(0)
     for c in range(3):
         if shares[c] > 0:
-            part = seen_part(sight[corners[c]], face, place, size, texels)
+            part = seen_part(sight, corners[c], face, place, size)
             seen += shares[c] * part
             fewest, most = min(fewest, part), max(most, part)
     return seen, fewest, most
@@ -112,8 +112,8 @@ def _note(half_seen, p, cell, sent, seen, oz):  # pragma: no cover (compiled)
 def sum_lobe(points, sight, cells, lobe, out, half_seen):  # pragma: no cover (compiled)
     """Radiance `out` (P, 3) of a lobe at points with frames (P, 3, 3) in the world, towards views (P, 3) in them.
 
-    What a point sees is that of the vertices `corners` (P, 3), mixed by `shares` (P, 3); `sight` (V, words).
-    `half_seen` are `HalfSeenCells`.
+    What a point sees is that of the vertices `corners` (P, 3), mixed by `shares` (P, 3); `sight` are
+    `SightArrays`, `half_seen` `HalfSeenCells`.
     """
     table, width, period = lobe
     light, places, starts = cells
@@ -122,7 +122,7 @@ def sum_lobe(points, sight, cells, lobe, out, half_seen):  # pragma: no cover (c
     levels, turns, nodes = table.shape[0], table.shape[1], table.shape[2]
     top = len(starts) - 1
     texels = np.int64(_ROOT_CELLS) << (2 * top)
-    sights = sight.shape[1] * 64 // 6
+    sights = sight.texels
     finer = 0
     while (sights << (2 * finer)) < texels:
         finer += 1
@@ -170,7 +170,7 @@ def sum_lobe(points, sight, cells, lobe, out, half_seen):  # pragma: no cover (c
                     divided = k > 0 and (wide < 0 or extent * short > widest * max(w, slope + tail * w))
                     if not divided and z > 0:
                         size, at = np.int64(1) << (2 * max(k - finer, 0)), place >> (2 * finer)
-                        seen, fewest, most = _seen_between(sight, corners[p], shares[p], face, at, size, sights)
+                        seen, fewest, most = _seen_between(sight, corners[p], shares[p], face, at, size)
                         if seen > 0:
                             scale = steep * rim
                             if slope * steep > np.float32(1e-4):

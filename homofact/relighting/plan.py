@@ -22,10 +22,10 @@ from homofact.relighting.factored_material import AUTO, MOST_SHARED, SEPARATE, F
 from homofact.relighting.factoring import factors_of_sizes, terms_for
 from homofact.relighting.factors import InOutFactors
 from homofact.relighting.harmonic import MOST_ORDER
-from homofact.relighting.lobe_light import sight_words
 from homofact.relighting.precompute import TransportSettings
 from homofact.relighting.probe import ProbedErrors, ProbedVertices, lobe_beside, measured
 from homofact.relighting.seen import seen_vertices
+from homofact.relighting.sight import sight_words
 from homofact.rendering.light import EnvironmentMap
 
 SIZES = (16, 32, 64)

@@ -22,10 +22,11 @@ from homofact.relighting.factors import InOutFactors, look_up, view_values
 from homofact.relighting.harmonic import harmonic_maps
 from homofact.relighting.kernels import binned, transport_vectors
 from homofact.relighting.lobe import SeparateLobe, SurfacePoints
-from homofact.relighting.lobe_light import LightCells, traced_sight
+from homofact.relighting.lobe_light import LightCells
 from homofact.relighting.lobe_table import LobeTable
 from homofact.relighting.relight import light_coefficients
 from homofact.relighting.seen import SeenVertices
+from homofact.relighting.sight import VertexSight, traced_sight
 from homofact.relighting.tracer import Tracer
 from homofact.rendering.light import EnvironmentMap
 
@@ -169,7 +170,7 @@ def lobe_beside(
     which = probed.which
     seen = SeenVertices(probed.mesh, table, probed.occluder, np.full(3, np.inf), which, view=probed.wo)
     exact = seen.dense(radiance, radiance.shape[1])
-    lobe = SeparateLobe(table, traced_sight(probed.mesh, probed.occluder, radiance.shape[1], which))
+    lobe = SeparateLobe(table, VertexSight.of(traced_sight(probed.mesh, probed.occluder, radiance.shape[1], which)))
     points = SurfacePoints.at_vertices(seen.rows, probed.wo, np.arange(len(which)))
     found = lobe.at(points, LightCells.of(radiance))
     whole = exact + rest

@@ -152,7 +152,7 @@ def save_scene(file: Path, scene: RelightResult) -> None:
             own |= {f"basis_{name}": getattr(each.compact.basis, name) for name in VECTORS}
             own |= {name: getattr(each.compact, name) for name in ("cluster", "weights", "steps")}
         if each.lobe is not None:
-            own |= {"lobe_values": each.lobe.table.values, "lobe_sight": each.lobe.sight}
+            own |= {"lobe_values": each.lobe.table.values, "lobe_sight": each.lobe.sight.plain}
         if each.sunlight is not None:
             own |= {f"sun_values_{k}": table.values for k, table in enumerate(each.sunlight.tables)}
             own["sun_seen"] = each.sunlight.seen

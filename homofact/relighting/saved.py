@@ -20,10 +20,10 @@ from homofact.relighting.factors import InOutFactors
 from homofact.relighting.harmonic import MOST_ORDER, Harmonic
 from homofact.relighting.lamps import MOST_RADIUS, Lamp
 from homofact.relighting.lobe import SeparateLobe
-from homofact.relighting.lobe_light import sight_words
 from homofact.relighting.lobe_table import LobeTable
 from homofact.relighting.page.skies import PageSky
 from homofact.relighting.precompute import TransportSettings, WaveletTransport
+from homofact.relighting.sight import VertexSight, sight_words
 from homofact.relighting.sunlight import MOST_LIGHTS, Sun, Sunlight
 from homofact.relighting.tilted_view import MOST_REACH, TILTS, TiltedView
 from homofact.rendering.light import LEAST_LIGHT, MOST_LIGHT
@@ -264,7 +264,7 @@ def _normal_map(part: Part, factors: InOutFactors, count: int, reach: float) -> 
 
 def _lobe(part: Part, entry: Fields, made: WaveletTransport) -> SeparateLobe:
     sight = part.wholes("lobe_sight", np.uint64, (made.vertices, sight_words(made.settings.cube)))
-    return SeparateLobe(_table(part, "lobe_values", entry.inner("lobe")), sight)
+    return SeparateLobe(_table(part, "lobe_values", entry.inner("lobe")), VertexSight.of(sight))
 
 
 def _table(part: Part, name: str, numbers: Fields) -> LobeTable:

@@ -83,7 +83,7 @@ class SeenVertices:
 
     def sunlit(self, lights: Sequence[RoundLight]) -> np.ndarray:
         """The light of suns and lamps (S, 3), by the reflectance itself at many directions of each disc."""
-        origins = self.mesh.positions[self.which] + self.occluder.offset * self.normals
+        origins = self.mesh.lit_at[self.which] + self.occluder.offset * self.normals
         points = LitPoints(origins, self.rows, None if self.mapped is None else self.normals)
         return summed(self.reflectance, lights, points, self.wo, self.occluder, self.tint)
 
@@ -189,7 +189,7 @@ def seen_pixels(
     if most is not None:
         kept = kept[_drawn(np.ones(len(kept)), min(most, len(kept)), seed)]
     positions = (mesh.positions[corners[kept]] * shares[kept]).sum(1)
-    points = replace(mesh, positions=positions, normals=normals[kept], triangles=mesh.triangles[:0])
+    points = replace(mesh, positions=positions, normals=normals[kept], triangles=mesh.triangles[:0], origins=None)
     tints = None if tint is None else tint.between(corners[kept], shares[kept, :, 0])
     mapped = None if bumps is None else bumps.between(corners[kept], shares[kept, :, 0], normals[kept])
     seen = SeenVertices(points, reflectance, occluder, eye, np.arange(len(kept)), tints=tints, mapped=mapped)

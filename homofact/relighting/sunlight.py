@@ -165,7 +165,7 @@ class Sunlight:
         lamps: Sequence[Lamp] = (),
     ) -> "Sunlight":
         """With what every vertex of a mesh sees."""
-        origins = mesh.positions + occluder.offset * mesh.normals
+        origins = mesh.lit_at + occluder.offset * mesh.normals
         seen = LitPoints(origins, frames(mesh.normals)).seen((*suns, *lamps), occluder, SAMPLES)
         return cls(tuple(suns), tables, seen, tuple(lamps))
 

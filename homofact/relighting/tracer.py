@@ -11,7 +11,7 @@ class Tracer:
     """Which texels of the cube map each vertex of a mesh sees, among everything that the occluder holds."""
 
     def __init__(self, mesh: Mesh, occluder: Occluder, size: int, rays: int = 1) -> None:
-        self.positions, self.normals, self.occluder, self.samples = mesh.positions, mesh.normals, occluder, rays**2
+        self.positions, self.normals, self.occluder, self.samples = mesh.lit_at, mesh.normals, occluder, rays**2
         self.directions = cube.directions(size).reshape(-1, 3).astype(np.float32)
         self.angles = np.tile(cube.solid_angles(size).reshape(-1), cube.FACES).astype(np.float32)
         fine = cube.directions(size * rays).astype(np.float32)

@@ -22,20 +22,13 @@ from homofact.relighting.errors import relative
 from homofact.relighting.factored_material import factored
 from homofact.relighting.lit import LitObject
 from homofact.relighting.lobe import PointSight, SeparateLobe, SurfacePoints
-from homofact.relighting.lobe_light import (
-    BRIGHT,
-    SIGHT,
-    LightCells,
-    kept_sight,
-    morton_order,
-    sight_words,
-    traced_sight,
-)  # fmt: skip
+from homofact.relighting.lobe_light import BRIGHT, LightCells, morton_order
 from homofact.relighting.lobe_table import LobeTable, lobe_table
 from homofact.relighting.picture import picture, surface_points
 from homofact.relighting.precompute import TransportSettings, transport
 from homofact.relighting.relight import RelitMesh
 from homofact.relighting.seen import SeenVertices, seen_pixels, seen_vertices
+from homofact.relighting.sight import SIGHT, VertexSight, kept_sight, seen_part, sight_words, traced_sight
 from homofact.relighting.sunlight import LitPoints
 from homofact.relighting.tracer import Tracer
 from homofact.rendering.light import EnvironmentMap
@@ -68,7 +61,7 @@ def lobe_of(material: Reflectance) -> LobeTable:
 
 @cache
 def apart(material: Reflectance) -> SeparateLobe:
-    return SeparateLobe(lobe_of(material), traced_sight(knot(), occluder(), SIZE))
+    return SeparateLobe(lobe_of(material), VertexSight.of(traced_sight(knot(), occluder(), SIZE)))
 
 
 @cache
@@ -104,7 +97,7 @@ def test_all_vertices_are_those_one_by_one() -> None:
 def test_even_light_gives_the_albedo_of_the_lobe() -> None:
     """On an open plane under radiance 1: Σ lobe cosθi dω over the hemisphere, by a quadrature of its own."""
     flat = ground(1.0, 0.0, 2)
-    sight = traced_sight(flat, MeshGroup([flat]).occluder, SIZE)
+    sight = VertexSight.of(traced_sight(flat, MeshGroup([flat]).occluder, SIZE))
     cells = LightCells.of(np.ones((6, SIZE, SIZE, 3)))
     w = cube.directions(256).reshape(-1, 3)
     solid = np.tile(cube.solid_angles(256).reshape(-1), 6)
@@ -180,6 +173,26 @@ def test_what_is_seen_are_the_tracers_bits(size: int) -> None:
     assert np.array_equal(traced_sight(knot(), occluder(), size)[which], words)
 
 
+@pytest.mark.parametrize("size", [8, 16, 64])
+def test_words_that_are_stored_apart_are_all_there(size: int) -> None:
+    """Random, empty and full words; the part of every cell that the kernel reads is that of the plain bits."""
+    rng = np.random.default_rng(size)
+    plain = rng.integers(0, 2**64, (5, sight_words(size)), np.uint64)
+    kind = rng.integers(0, 3, plain.shape)
+    plain[kind == 0], plain[kind == 1] = 0, 2**64 - 1
+    stored = VertexSight.of(plain)
+    assert np.array_equal(stored.plain, plain)
+    assert stored.shape == plain.shape
+    assert stored.nbytes == 5 * 6 * (8 + 8 + 4) + 8 * int((kind == 2).sum())
+    bits = np.unpackbits(plain.view(np.uint8), axis=1, bitorder="little").reshape(5, 6, size * size)
+    for vertex, face, cell in ((0, 0, 1), (4, 5, 4), (2, 3, 16), (1, 2, 64), (3, 1, size * size)):
+        parts = bits[vertex, face].reshape(-1, min(cell, size * size)).mean(1)
+        found = [
+            seen_part(stored.arrays, vertex, face, k * (size * size // len(parts)), cell) for k in range(len(parts))
+        ]
+        assert found == pytest.approx(parts)
+
+
 def test_what_is_seen_is_kept_for_a_later_run(tmp_path: Path) -> None:
     first = kept_sight(ball(), MeshGroup([ball()]).occluder, 8, tmp_path)
     # Read, not traced again: another occluder changes nothing.
@@ -250,8 +263,8 @@ def test_rays_find_where_the_mirror_image_of_a_shadow_ends() -> None:
     lobe, cells = apart(sharp), LightCells.of(studio())
     flat = found.points.mesh
     sight = PointSight(flat.positions + occluder().offset * flat.normals, occluder())
-    own = traced_sight(flat, occluder(), SIZE)
-    at = SurfacePoints.at_vertices(found.mixture.frames, found.mixture.wo, np.arange(len(own)))
+    own = VertexSight.of(traced_sight(flat, occluder(), SIZE))
+    at = SurfacePoints.at_vertices(found.mixture.frames, found.mixture.wo, np.arange(len(flat.positions)))
     exact = replace(lobe, sight=own).at(at, cells)
     mixed, traced = lobe.at(found.mixture, cells), lobe.at(found.mixture, cells, sight)
     assert relative(mixed, exact) > 0.08

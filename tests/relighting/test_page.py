@@ -20,11 +20,11 @@ from homofact.relighting import cube
 from homofact.relighting.build import RelitObject
 from homofact.relighting.clusters import Clustered
 from homofact.relighting.lobe import SeparateLobe
-from homofact.relighting.lobe_light import sight_words
 from homofact.relighting.lobe_table import LobeTable
 from homofact.relighting.page.build import PageReference, closed, page_objects, shown_name, turns, write_page
 from homofact.relighting.page.order import CACHE, cached_order
 from homofact.relighting.page.skies import page_sky, reduced, rounded
+from homofact.relighting.sight import VertexSight, sight_words
 from homofact.rendering.light import EnvironmentMap
 from homofact.web.packing import halves, pack, without_repeats
 
@@ -175,7 +175,7 @@ def test_a_relit_scene_s_objects_in_their_compact_form_and_a_ground_that_fades()
 def lobe(vertices: int) -> SeparateLobe:
     """One of no light, and vertices that see nothing."""
     table = LobeTable(np.zeros((2, 1, 2, 2, 3), np.float32), 1.0, 2 * math.pi)
-    return SeparateLobe(table, np.zeros((vertices, sight_words(SIZE)), np.uint64))
+    return SeparateLobe(table, VertexSight.of(np.zeros((vertices, sight_words(SIZE)), np.uint64)))
 
 
 def refused(tmp_path: Path, **given: Any) -> str:

@@ -109,7 +109,7 @@ def test_tables_and_sight_are_in_the_page(file: Path) -> None:
         assert (np.abs(values - table.values) <= 2.0**-10 * size + 1e-9 * size.max()).all()
         words = unpack(own["sight"])
         assert words.dtype == np.uint8
-        assert np.array_equal(words.view("<u8"), each.lobe.sight)
+        assert np.array_equal(words.view("<u8"), each.lobe.sight.plain)
 
 
 def test_they_are_the_same_in_the_browser(lobes: Any) -> None:
@@ -122,8 +122,8 @@ def test_they_are_the_same_in_the_browser(lobes: Any) -> None:
             number,
         )
         assert relative(np.array(values), given.table.values.reshape(-1)[::97]) < 1e-3
-        bits = np.array(words, np.uint32).reshape(len(given.sight), -1).view(np.uint8)
-        assert np.array_equal(bits, given.sight.astype("<u8").view(np.uint8))
+        bits = np.array(words, np.uint32).reshape(len(given.sight.plain), -1).view(np.uint8)
+        assert np.array_equal(bits, given.sight.plain.astype("<u8").view(np.uint8))
 
 
 @pytest.mark.parametrize("size", cube.SIZES)

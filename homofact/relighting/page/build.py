@@ -27,12 +27,12 @@ from homofact.relighting.build import RelitObject
 from homofact.relighting.clusters import Clustered
 from homofact.relighting.harmonic import Harmonic
 from homofact.relighting.lobe import SeparateLobe
-from homofact.relighting.lobe_light import sight_words
 from homofact.relighting.lobe_table import LobeTable
 from homofact.relighting.page.coarse import coarse_triangles
 from homofact.relighting.page.order import cached_order
 from homofact.relighting.page.skies import PageSky
 from homofact.relighting.precompute import WaveletTransport
+from homofact.relighting.sight import sight_words
 from homofact.relighting.sunlight import Sunlight
 from homofact.relighting.tilted_view import TiltedView
 from homofact.rendering.tonemap import encode_srgb
@@ -228,7 +228,7 @@ def _object(given: PageObject, colours: np.ndarray | None) -> dict[str, Any]:
 
 def _lobe(lobe: SeparateLobe) -> dict[str, Any]:
     """Words of 64 texels that a vertex sees as bytes, the lowest first: in this order, deflate packs them best."""
-    return {**_table(lobe.table), "sight": pack(np.ascontiguousarray(lobe.sight, "<u8").view(np.uint8))}
+    return {**_table(lobe.table), "sight": pack(np.ascontiguousarray(lobe.sight.plain, "<u8").view(np.uint8))}
 
 
 def _table(table: LobeTable) -> dict[str, Any]:

@@ -1,5 +1,5 @@
 // The light of a separate lobe from an object's in-out factors: cells of the sky, and their sum on the processor
-// (lobe_light.py, lobe_kernels.py).
+// (lobe_light.py, sight.py, lobe_kernels.py).
 
 const STEEPEST = (89.7 * Math.PI) / 180, LEAST_COSINE = Math.cos(STEEPEST);
 // The widest cell in slopes of h, as a part of the table's width; beyond slopes of CORE widths it may grow with the slope.

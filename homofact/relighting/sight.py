@@ -1,0 +1,161 @@
+"""What vertices see of the sky: one bit per texel of a cube map, in words of which most are empty or full.
+
+The cube map has at most `SIGHT` texels along a face, in the order of the cells of light (`lobe_light`): a word is a
+block of 8 × 8 texels. Nine words in ten are all 0 or all 1, under the horizon or in the open. `VertexSight` stores for
+each face which of its words are full, which are mixed, and the mixed ones alone: about a seventh of all words, and
+nothing is lost. The number of mixed words before one is a count of bits.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from homofact.errors import BadInput
+from homofact.files.archive import read_arrays, write_arrays
+from homofact.files.reading import read_bytes
+from homofact.linear.kernels import kernel
+from homofact.linear.threads import in_parallel
+from homofact.meshes.mesh import Mesh
+from homofact.meshes.occlusion import Occluder
+from homofact.relighting import cube
+from homofact.relighting.lobe_light import morton_order
+from homofact.relighting.tracer import Tracer
+
+SIGHT = 64
+_WORD = 64
+_BLOCK = 256
+_FULL = np.uint64(0xFFFFFFFFFFFFFFFF)
+_EXPECTED = "what vertices see, as homofact wrote it"
+
+
+class SightArrays(NamedTuple):
+    """`VertexSight` as a kernel takes it; `texels` are those of a face."""
+
+    full: np.ndarray
+    mixed: np.ndarray
+    starts: np.ndarray
+    words: np.ndarray
+    texels: int
+
+
+@dataclass(frozen=True)
+class VertexSight:
+    """The words of V vertices: of every face which are `full` and which `mixed`, both (V, 6) uint64, bit w for word w.
+
+    The mixed `words` (M,) uint64 of a vertex's face lie from `starts` (V, 6) uint32 on. `count` are a face's words.
+    """
+
+    full: np.ndarray
+    mixed: np.ndarray
+    starts: np.ndarray
+    words: np.ndarray
+    count: int
+
+    @classmethod
+    def of(cls, words: np.ndarray) -> "VertexSight":
+        """Those of plain words (V, 6·n²/64), as `traced_sight` makes them."""
+        faces = words.reshape(len(words), cube.FACES, -1)
+        place = np.arange(faces.shape[2], dtype=np.uint64)
+        full, mixed = faces == _FULL, (faces != _FULL) & (faces != 0)
+        bits = [(each.astype(np.uint64) << place).sum(2, dtype=np.uint64) for each in (full, mixed)]
+        counts = mixed.sum(2).reshape(-1)
+        starts = (np.cumsum(counts) - counts).astype(np.uint32).reshape(-1, cube.FACES)
+        return cls(bits[0], bits[1], starts, faces[mixed], faces.shape[2])
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Of `plain`."""
+        return len(self.full), cube.FACES * self.count
+
+    @property
+    def plain(self) -> np.ndarray:
+        """The words (V, 6·n²/64) uint64 that it was made of."""
+        place = np.arange(self.count, dtype=np.uint64)
+        full, mixed = ((each[..., None] >> place) & np.uint64(1) > 0 for each in (self.full, self.mixed))
+        faces = np.where(full, _FULL, np.uint64(0))
+        faces[mixed] = self.words
+        return faces.reshape(len(faces), -1)
+
+    @property
+    def nbytes(self) -> int:
+        """Of all arrays."""
+        return self.full.nbytes + self.mixed.nbytes + self.starts.nbytes + self.words.nbytes
+
+    @property
+    def arrays(self) -> SightArrays:
+        """For kernels."""
+        return SightArrays(self.full, self.mixed, self.starts, self.words, self.count * _WORD)
+
+
+def traced_sight(mesh: Mesh, occluder: Occluder, size: int, which: np.ndarray | None = None) -> np.ndarray:
+    """What every vertex sees, or those of `which` (S,): (S, 6·n²/64) uint64.
+
+    n is the size of the cube map, at most `SIGHT`.
+    """
+    side = min(size, SIGHT)
+    tracer, order = Tracer(mesh, occluder, side), morton_order(side)
+    vertices = np.arange(len(mesh.positions)) if which is None else which
+    words = np.zeros((len(vertices), sight_words(size)), np.uint64)
+
+    def block(first: int) -> None:
+        for row in range(first, min(first + _BLOCK, len(words))):
+            seen = tracer.visible(int(vertices[row])).reshape(cube.FACES, -1)[:, order].reshape(-1) > 0
+            words[row] = np.packbits(seen, bitorder="little").view("<u8")
+
+    in_parallel(block, list(range(0, len(words), _BLOCK)))
+    return words
+
+
+def kept_sight(mesh: Mesh, occluder: Occluder, size: int, folder: Path | None) -> np.ndarray:
+    """`traced_sight`, kept in the folder of the object's blocks for a later run. Raises BadInput for a damaged file."""
+    if folder is None:
+        return traced_sight(mesh, occluder, size)
+    file = folder / "sight.npz"
+    if not file.exists():
+        write_arrays(file, {"sight": traced_sight(mesh, occluder, size)})
+    found = read_arrays(file, read_bytes(file, _EXPECTED), ("sight",), _EXPECTED).get("sight")
+    shape = (len(mesh.positions), sight_words(size))
+    if found is None or found.dtype != np.uint64 or found.shape != shape:
+        raise BadInput("not what so many vertices see", where=file, expected=f"{_EXPECTED}, or delete it")
+    return found
+
+
+def sight_words(size: int) -> int:
+    """Words a vertex for a cube map of so many texels along a face."""
+    return cube.FACES * min(size, SIGHT) ** 2 // _WORD
+
+
+@kernel(nogil=True, inline="always")
+def ones(word):  # pragma: no cover (compiled)
+    """How many bits of a word of 64 are set."""
+    word = word - ((word >> np.uint64(1)) & np.uint64(0x5555555555555555))
+    word = (word & np.uint64(0x3333333333333333)) + ((word >> np.uint64(2)) & np.uint64(0x3333333333333333))
+    word = (word + (word >> np.uint64(4))) & np.uint64(0x0F0F0F0F0F0F0F0F)
+    return (word * np.uint64(0x0101010101010101)) >> np.uint64(56)
+
+
+@kernel(nogil=True, inline="always")
+def _word(sight, vertex, face, place):  # pragma: no cover (compiled)
+    """A word of a vertex's face."""
+    bit = np.uint64(1) << np.uint64(place)
+    mixed = sight.mixed[vertex, face]
+    if mixed & bit:
+        return sight.words[np.int64(sight.starts[vertex, face]) + np.int64(ones(mixed & (bit - np.uint64(1))))]
+    return np.uint64(0xFFFFFFFFFFFFFFFF) if sight.full[vertex, face] & bit else np.uint64(0)
+
+
+@kernel(nogil=True, inline="always")
+def seen_part(sight, vertex, face, place, size):  # pragma: no cover (compiled)
+    """The part that a vertex sees of `size` texels (a power of 4, or 1) of a face from `place` on."""
+    if size == 1:
+        return np.float32((_word(sight, vertex, face, place >> 6) >> np.uint64(place & 63)) & np.uint64(1))
+    if size < 64:
+        mask = (np.uint64(1) << np.uint64(size)) - np.uint64(1)
+        part = (_word(sight, vertex, face, place >> 6) >> np.uint64(place & 63)) & mask
+        return np.float32(ones(part)) / np.float32(size)
+    total = 0
+    for word in range(place >> 6, (place + size) >> 6):
+        total += ones(_word(sight, vertex, face, word))
+    return np.float32(total) / np.float32(size)
