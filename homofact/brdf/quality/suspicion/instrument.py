@@ -11,8 +11,9 @@ import torch
 
 from homofact.brdf.quality.gains import lacking_reciprocity
 from homofact.brdf.quality.suspicion.check import Check, Figures
-from homofact.brdf.quality.suspicion.evidence import Evidence, along_highlight, hats, robust_fit
+from homofact.brdf.quality.suspicion.evidence import Evidence, hats, robust_fit
 from homofact.brdf.quality.suspicion.geometry import odd_columns
+from homofact.brdf.quality.suspicion.shadow import shadow
 from homofact.brdf.symmetry import ring_numbers
 from homofact.errors import Advice
 
@@ -20,9 +21,6 @@ _RINGS = 18
 _FEWEST_ON_A_RING = 12
 _FEWEST_FOR_GAINS = 1500
 _TOLD = 0.5  # of the variance of a row's place, left when an angle is known
-_CONE, _AROUND = math.radians(6.0), math.radians(13.0)  # half of the angle between ωi and ωo is θd
-_KNOTS_AROUND = 25
-_SAME = 1e-6
 
 
 def _thetas(evidence: Evidence) -> tuple[np.ndarray, np.ndarray]:
@@ -111,32 +109,6 @@ def _ring(evidence: Evidence) -> Figures | None:
     return best
 
 
-def _shadow(evidence: Evidence) -> Figures | None:
-    """How much darker it is near the light than around it: in logs, and in errors of the fit.
-
-    The milder of two predictions counts. The smooth fit to all samples outside the cone extrapolates into it, on coarse
-    rings by a factor of ten or more. The samples around the cone alone, as a function of θh, do not follow θd.
-    """
-    theta_h, theta_d = evidence.half_angles
-    logs, weight = evidence.logs
-    near, ring = theta_d < _CONE, (theta_d > _CONE) & (theta_d < _AROUND)
-    lit = near & (evidence.brightness > 0)
-    if min(near.sum(), ring.sum()) < 8 or near.sum() + ring.sum() < 30:
-        return None
-    fit = evidence.fitted(weight=weight * (theta_d > _CONE))
-    along = along_highlight(theta_h)
-    knots = np.unique(np.quantile(along[ring], np.linspace(0, 1, _KNOTS_AROUND)))
-    around = robust_fit(hats(along, knots), logs, weight * ring, 1e-6)[1]
-    # At the middle of a highlight, as at θi = 0, those around know nothing of its height.
-    known = near & (along >= knots[0] - _SAME) & (along <= knots[-1] + _SAME)
-    if known.sum() < 4:
-        return None
-    inner = np.argsort(theta_d[known], kind="stable")[: known.sum() // 2]
-    # What is exactly zero there counts as far darker than anything.
-    low = max(float(np.median(np.where(lit, missed, -3.0)[known][inner])) for missed in (fit.residual, around))
-    return -low, -low / (fit.scale + 0.02)
-
-
 def _colours(evidence: Evidence) -> np.ndarray | None:
     """Logs of the channels over their geometric mean (N, C); None for one channel."""
     if evidence.values.shape[1] < 2:
@@ -210,7 +182,7 @@ CHECKS = (
         remedy=f"{_MEASURE_AGAIN}, or {Advice('calibrate', 'rings')}",
     ),
     Check(
-        "shadow", _shadow,
+        "shadow", shadow,
         lambda f: f"darker by {-math.expm1(-min(max(f[0], 0), 9)):.0%} near the light, as in an arm's shadow",
         remedy="leave out the samples within 8° of the light",
     ),
