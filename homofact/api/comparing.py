@@ -331,7 +331,8 @@ class _Comparison:
         runs = count * len(self.fits) * len(self.seeds)
         for label, fit in self.fits.items():
             of = f"{source.name}, {label}" if count > 1 else label
-            self.steps.run(f"{of}, {about(estimate.seconds_left)} left", estimate.done, runs)
+            # As soon as a fit is done, progress reckons the time itself.
+            self.steps.run(of if estimate.done else f"{of}, {about(estimate.seconds_left)} left", estimate.done, runs)
             try:
                 rows[label] = fit_seeds(source, fit, self.seeds, self.held_out, self.steps, subset, self.split_seed)
             except KeyboardInterrupt:

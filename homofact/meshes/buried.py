@@ -1,4 +1,4 @@
-"""Vertices that lie inside other parts of a scene: where to ask what light they receive instead.
+"""Vertices that lie inside other parts of a scene, and where to find the light that they receive instead.
 
 A button that is sunk in its case, or the handle of a teapot that runs on inside the body, has vertices that see
 nothing although a part of their triangles is in the open. Light mixed linearly from the corners is then too dark all

@@ -1,5 +1,6 @@
 """What `info` says of a saved fit: what it is, and its error bars by angle, as the fit itself states them."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -8,6 +9,8 @@ import homofact
 from homofact.api.describing import WHITE_STANDARD
 from homofact.api.fit_facts import fit_facts
 from homofact.errors import BadInput
+from homofact.factor.factorization import Factorization
+from homofact.factor.fixed_projections import EDITED, EDITS
 
 
 @pytest.fixture(scope="module")
@@ -38,6 +41,23 @@ def test_a_saved_file_is_a_fit_and_its_bars_stay_in_its_folder(result: Path, tmp
     alone = homofact.info(tmp_path / "alone.npz")
     assert alone.kind == "fit"
     assert "bars" not in alone.facts
+
+
+def test_edits_are_named_with_what_they_leave(result: Path, tmp_path: Path) -> None:
+    fit = homofact.load(result).factorization
+    assert isinstance(fit, Factorization)
+    record = {"angle": "theta_h", "way": "texture", "rms": 0.0123}
+    edited = replace(fit, provenance=fit.provenance | {EDITS: [record, {"angle": "theta_d", "way": "texels"}]})
+    edited.save(tmp_path / "edited.npz")
+    found = homofact.info(tmp_path / "edited.npz")
+    first, second = found.rows["edits"].split("; ")
+    assert (first[:7], "1.23%" in first) == ("over θh", True)
+    assert (second[:7], "%" in second) == ("over θd", False)
+    assert [each["angle"] for each in found.facts["edits"]] == ["theta_h", "theta_d"]
+    anew = replace(fit, provenance=fit.provenance | {"source": {EDITED: {}}})
+    anew.save(tmp_path / "anew.npz")
+    assert "edits" in homofact.info(tmp_path / "anew.npz").rows
+    assert "edits" not in homofact.info(result).rows
 
 
 def test_what_is_no_fit_is_left_to_those_that_read_it(tmp_path: Path, result: Path) -> None:

@@ -253,5 +253,8 @@ def test_a_narrow_highlight_asks_for_as_many_texels_as_hold_it() -> None:
     noted = Noted(fitted, replace(one.figures, light=narrow), Search(size=10, reciprocal=False), TRAIN, one.status)
     (found,) = of_the_figures(noted)
     assert (found.name, found.advice) == ("narrow", Advice("size", 30))
+    # Beside a number of bytes a size is not read: three times as wide are nine times as many.
+    (found,) = of_the_figures(replace(noted, settings=Search(bytes=6144, reciprocal=False)))
+    assert found.advice == Advice("bytes", 9 * 6144)
     across = replace(narrow, texels_across=LEAST_ACROSS * 1.01)
     assert list(of_the_figures(replace(noted, figures=replace(one.figures, light=across)))) == []

@@ -86,12 +86,22 @@ class _Note:
 
 def _larger(noted: Noted, value: float) -> Advice | None:
     """Nothing where the method has no such setting."""
-    return Advice("size", 2 * noted.settings.size) if "size" in vars(noted.settings) else None
+    return _wider(noted, 2)
+
+
+def _wider(noted: Noted, times: float) -> Advice | None:
+    """So many times as many texels on a side: more bytes where these were given, beside which a size is not read."""
+    own = vars(noted.settings)
+    if own.get("bytes") is not None:
+        return Advice("bytes", math.ceil(own["bytes"] * times**2))
+    return Advice("size", math.ceil(own["size"] * times)) if "size" in own else None
 
 
 def _more_textures(noted: Noted, value: float) -> Advice | None:
     """Nothing where the method has no such setting: McCool's fixed projections, a model without textures."""
     own = vars(noted.settings)
+    if own.get("bytes") is not None:
+        return Advice("bytes", 2 * own["bytes"])
     return Advice("textures", own["textures"] + 1) if "textures" in own else None
 
 
@@ -158,8 +168,7 @@ _NOTES = (
           "larger textures, samples within the highlight, less smoothing", _larger, "top"),
     _Note("narrow", _F, _narrow, 1.0,
           "half of the highlight's height lies within a texel or less: textures {value:.2g} times as wide hold it",
-          "more bytes, or a mirror drawn beside the fit", lambda n, v: (
-              Advice("size", math.ceil(n.settings.size * v)) if v < 16 and "size" in vars(n.settings) else None)),
+          "more bytes, or a mirror drawn beside the fit", lambda n, v: _wider(n, v) if v < 16 else None),
     _Note("explained", _F, lambda n: 1 - n.figures.errors.explained, 1 - LEAST_EXPLAINED,
           "{value:.0%} of the variation of the {noted.whose} logarithms is not explained, expected {most:.0%};"
           " {noted.figures.errors.misplaced:.0%} of the held-out light is misplaced{noted.floor}",
