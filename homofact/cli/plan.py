@@ -100,6 +100,9 @@ def _show(found: "PlanResult", screen: Screen) -> None:
     plan = found.plan
     steps = step_table(plan)
     screen.show(choice_table(plan), *([] if steps is None else [steps]), *map(Text, _reading_lines(plan)))
+    doubts = doubt_line(found.verdicts)
+    if doubts:
+        screen.show(Text(doubts, "bold red"))
     screen.show("", evidence_table(plan), *map(Text, _lines(plan, found.against)))
     verdicts = [hanging(line, len("  - " if line.startswith(" ") else "  ")) for line in finding_lines(found.verdicts)]
     screen.show(*([""] if verdicts else []), *verdicts)
@@ -113,6 +116,15 @@ def _show_transport(found: "TransportPlan", screen: Screen) -> None:
     warnings = (Text(f"Warning: {line}.", "bold red") for line in found.warnings)
     screen.show(transport_table(found.objects, found.reflected), *warnings)
     screen.note(f"Of all objects: {found.nbytes / 1000:.0f} kB")
+
+
+def doubt_line(verdicts: "Mapping[str, Verdict | None]") -> str:
+    """Return which choices their verdicts warn of, whatever their tolerance says; "" for none."""
+    names = [label for label, verdict in verdicts.items() if verdict is not None and not verdict.trusted]
+    if not names:
+        return ""
+    whose = f"the verdict on {names[0]}" if len(names) == 1 else f"the verdicts on {', '.join(names)}"
+    return f"Before you ship, read {whose} below: it warns of errors that the tolerance does not cover."
 
 
 def finding_lines(verdicts: "Mapping[str, Verdict | None]") -> list[str]:

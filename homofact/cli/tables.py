@@ -113,9 +113,12 @@ def grade_table(scores: Mapping[str, float]) -> Table | None:
 def cost_table(records: Mapping[str, Mapping[str, Any]]) -> Table:
     """Return what every labelled record's evaluation and fit cost, and how the fit ended; means of several seeds."""
     table = plain_table("Cost")
-    add_names(table)
-    add_figures(table, "textures", "bytes", "fetches", "evals", "fit s", "total s")
-    table.add_column("ended", no_wrap=True)
+    longest = max(map(len, records), default=0)
+    add_names(table, longest=longest if longest <= _SHORT_NAME else 0)
+    # Three textures of three sizes wrap between two of them, and how a fit ended between words.
+    table.add_column("textures", justify="right")
+    add_figures(table, "bytes", "fetches", "evals", "fit s", "total s")
+    table.add_column("ended")
     for label, record in records.items():
         seconds = record["seconds"]
         table.add_row(
