@@ -18,7 +18,7 @@ from homofact.geometry.directions import draw_cosine_weighted
 from homofact.relighting.build import RelightScene, RelitObject, open_relight_scene, relit_objects
 from homofact.relighting.cube import environment_cube
 from homofact.relighting.errors import relative, scene_errors
-from homofact.relighting.factored_material import factored
+from homofact.relighting.factored_material import ERROR, factored
 from homofact.relighting.lobe_table import lobe_table, sun_tables
 from homofact.relighting.result import RelightResult, open_relit
 from homofact.relighting.scene_file import read_relight_scene
@@ -138,6 +138,14 @@ def test_terms_of_the_two_parts_add_up(tmp_path: Path) -> None:
     between = replace(made, bounced=4)
     assert between.tinted_terms[-4:].tolist() == [True, True, False, False]
     assert not replace(made, tinted=0, bounced=4).tinted_terms.any()
+
+
+def test_parts_follow_the_error_of_the_whole() -> None:
+    """A matte paint's gloss has much of f's energy and little of the light: few terms hold what the whole holds."""
+    reflectance = Tinted.of(MetallicRoughness((0.5, 0.4, 0.3), 0.0, 0.8))
+    made = factored(reflectance, "factored", map_size=16).factors
+    assert made.expected_error < ERROR
+    assert made.terms <= 8
 
 
 def opened(
