@@ -17,6 +17,7 @@ pytestmark = pytest.mark.usefixtures("small_pictures", "rough_sampling")
 DOCUMENTS = ("README.md", "docs/python.md", "docs/start.md")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", DOCUMENTS)
 def test_the_lines_of_a_document_run(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     shutil.copytree(ROOT / "data_synthetic", tmp_path / "data_synthetic")
@@ -33,6 +34,7 @@ def test_the_lines_of_a_document_run(name: str, tmp_path: Path, monkeypatch: pyt
         assert os.path.getsize("held_out.html") == names["page"].size
 
 
+@pytest.mark.slow
 def test_the_relighting_that_its_document_shows_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("embreex", reason="embreex is not installed: pip install 'homofact[relight]'")
     for folder in ("data_synthetic", "configs"):

@@ -5,6 +5,7 @@ import inspect
 from pathlib import Path
 
 import pytest
+from slow_cases import slow_among
 
 import homofact
 
@@ -17,7 +18,9 @@ EXAMPLES = {
 
 
 @pytest.mark.usefixtures("small_pictures", "rough_sampling")
-@pytest.mark.parametrize("name", EXAMPLES)
+@pytest.mark.parametrize(
+    "name", slow_among(EXAMPLES, "sweep", "report", "chart", "plan", "factorize", "export", "compare", "evaluate")
+)
 def test_an_example_runs(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     names = {"homofact": homofact, "Path": Path}

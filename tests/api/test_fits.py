@@ -233,6 +233,7 @@ def test_what_is_printed_is_a_line_without_numbers(name: str, source: Source) ->
     assert "400 pairs" in repr(source)
 
 
+@pytest.mark.slow
 def test_a_files_name_is_read() -> None:
     place = Path(__file__).resolve().parents[2] / "data_synthetic" / "synthetic_cornell.brdf"
     by_name, read = (homofact.fit(each, homofact.McCool(size=4)) for each in (place, homofact.read(str(place))))

@@ -94,6 +94,7 @@ def test_what_makes_no_samples_is_refused_in_a_line_that_names_it(change: dict[s
     assert "\n" not in said
 
 
+@pytest.mark.slow
 def test_every_kind_of_source_is_read_and_fitted(tmp_path: Path) -> None:
     wi, wo, values = arrays()
     measured = homofact.Samples(wi, wo, values, isotropic=True)

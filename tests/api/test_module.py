@@ -132,6 +132,7 @@ def test_training_finds_what_was_changed_and_the_fit_says_so(name: str, tmp_path
     assert torch.allclose(trained.evaluate(wi, wo), trained.evaluate(wo, wi), rtol=1e-9, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_what_has_no_textures_has_no_module_and_a_round_axis_stays_round() -> None:
     with pytest.raises(BadInput, match="has no textures, expected a fit by"):
         homofact.fit("material:phong-10", homofact.Ggx()).module()

@@ -11,6 +11,7 @@ import torch
 from mitsuba_cases import albedo, at, drawn, evaluated, pairs, variant
 from refusals import refused
 from rgl_files import rough, write_tensors
+from slow_cases import slow_among
 from torch import Tensor
 
 from homofact.brdf.adaptive import azimuths, importance, relative_differences, tabulated
@@ -76,7 +77,7 @@ def test_the_parts_are_what_the_microfacet_model_says(clay: AdaptiveTable) -> No
     assert 0 < relative_differences(CLAY, replace(clay, table=clay.table * 1.01), 4000)[0] - middle < 0.011
 
 
-@pytest.mark.parametrize(("which", "model"), [("clay", CLAY), ("brushed", BRUSHED)])
+@pytest.mark.parametrize(("which", "model"), slow_among([("clay", CLAY), ("brushed", BRUSHED)], "brushed"))
 def test_grazing_incidence_reflects_as_much(which: str, model: Reflectance, request: pytest.FixtureRequest) -> None:
     """Between slices too, up to the last, behind which values are held."""
     table = request.getfixturevalue(which)

@@ -78,6 +78,7 @@ def test_weights_that_no_sum_survives_are_refused(weights: tuple[float, ...], ex
         weighted(*weights)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", [homofact.McCool(size=4), homofact.Search(size=4, effort=1, search_samples=50)])
 def test_weights_of_any_scale_are_fitted(method: homofact.McCool | homofact.Search) -> None:
     plain = homofact.fit(weighted(1.0), method).evaluate([[0, 0, 1.0]], [[0, 0, 1.0]])

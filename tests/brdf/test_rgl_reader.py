@@ -60,6 +60,7 @@ def test_content_is_recognised(tmp_path: Path) -> None:
     assert samples.isotropic
 
 
+@pytest.mark.slow
 def test_a_file_is_drawn_from_as_a_model_with_the_noise_of_a_measurement(tmp_path: Path) -> None:
     path = write_tensors(tmp_path / "a.bsdf", constant())
     source = open_source(str(path), count=300, scheme="cosine", seed=2)
@@ -75,6 +76,7 @@ def test_a_file_is_drawn_from_as_a_model_with_the_noise_of_a_measurement(tmp_pat
     assert torch.allclose(grey.reflectance.evaluate(grey.samples.wi, grey.samples.wo), grey.samples.values)
 
 
+@pytest.mark.slow
 def test_spectral_files_give_every_kind_of_channels(tmp_path: Path) -> None:
     path = write_tensors(tmp_path / "a.bsdf", rough((0.0,), wavelengths=9))
     for channels, count in (("rgb", 3), ("spectral", 9), ("luminance", 1)):

@@ -105,6 +105,7 @@ def test_the_kept_table_is_that_of_colour_science() -> None:
         np.testing.assert_allclose(kept, expected, rtol=1e-13)
 
 
+@pytest.mark.slow
 def test_spectra_under_d65_load_no_colour_science() -> None:
     program = (
         "import sys, torch; from homofact.brdf.spectral import to_rgb, to_luminance;"

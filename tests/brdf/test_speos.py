@@ -87,6 +87,7 @@ def test_a_flat_spectrum_is_grey(tmp_path: Path) -> None:
     assert read_samples(file_of(tmp_path, anisotropic())).channels == ("R", "G", "B")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "ending"), [("lafortune-blue-paint", "brdf"), ("ward-brushed", "anisotropicbsdf")])
 def test_write_then_read(tmp_path: Path, name: str, ending: str) -> None:
     model = material(name).model

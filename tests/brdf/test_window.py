@@ -7,6 +7,7 @@ import pytest
 import torch
 from lighting_files import COARSE, MATRIX, SHIRLEY, coloured_window, matrix, tree_window, window, window_block
 from refusals import refused
+from slow_cases import slow_among
 
 from homofact.brdf.analytic import Lambert
 from homofact.brdf.band_means import klems_means
@@ -195,7 +196,7 @@ def test_the_other_side_of_a_table_is_itself_again() -> None:
     assert torch.equal(other.other_side().values, values)
 
 
-@pytest.mark.parametrize("name", ["lafortune-blue-paint", "ward-brushed"])
+@pytest.mark.parametrize("name", slow_among(["lafortune-blue-paint", "ward-brushed"], "lafortune-blue-paint"))
 def test_trees_are_near_the_model(tmp_path: Path, name: str) -> None:
     model: Reflectance = material(name).model
     isotropic = name != "ward-brushed"

@@ -7,6 +7,7 @@ import pytest
 import torch
 from lighting_files import INCIDENCES, RADIALS, zemax
 from refusals import refused
+from slow_cases import slow_among
 
 from homofact.brdf.formats import open_file, read_samples
 from homofact.brdf.formats import zemax as format_
@@ -58,7 +59,7 @@ def test_xyz_become_colours(tmp_path: Path) -> None:
     assert torch.allclose(colour.values, wanted, atol=2e-6)
 
 
-@pytest.mark.parametrize("name", ["lafortune-blue-paint", "ward-brushed"])
+@pytest.mark.parametrize("name", slow_among(["lafortune-blue-paint", "ward-brushed"], "ward-brushed"))
 def test_write_then_read(tmp_path: Path, name: str) -> None:
     model = material(name).model
     format_.write(tmp_path / "out.bsdf", model, model.isotropic, ("a comment",))

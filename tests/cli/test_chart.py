@@ -34,6 +34,7 @@ def lines(path: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
+@pytest.mark.slow
 def test_each_source_gets_its_charts_and_its_file(
     chart: Callable[..., Ran], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -53,6 +54,7 @@ def test_each_source_gets_its_charts_and_its_file(
     assert (out / "blinn-phong-50_time.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 def test_json_is_one_object_with_the_rows_of_the_csv(chart: Callable[..., Ran], tmp_path: Path) -> None:
     ran = chart(*SMALL, *FAST, "--chart", tmp_path, "--seed", 3, "--json")
     assert (ran.code, ran.err) == (0, "")
@@ -73,6 +75,7 @@ def test_json_is_one_object_with_the_rows_of_the_csv(chart: Callable[..., Ran], 
         assert (row["bytes"], row["fetches"]) == (int(line["bytes"]), int(line["fetches"]))
 
 
+@pytest.mark.slow
 def test_a_long_chart_says_first_how_long(
     chart: Callable[..., Ran], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -82,6 +85,7 @@ def test_a_long_chart_says_first_how_long(
     assert chart(*SMALL, *FAST, "--chart", tmp_path, "--json").err == "homofact: 0 fits, under 10 s\n"
 
 
+@pytest.mark.slow
 def test_seeds_are_lines_of_the_csv_and_one_of_the_table(chart: Callable[..., Ran], tmp_path: Path) -> None:
     ran = chart(*SMALL, *FAST, "--methods", "cole", "--size", "3", "--seeds", 2, "--seed", 5, "--chart", tmp_path)
     assert ran.code == 0
@@ -93,10 +97,12 @@ def test_seeds_are_lines_of_the_csv_and_one_of_the_table(chart: Callable[..., Ra
     assert chart(*SMALL, *FAST, "--seeds", 0, "--chart", tmp_path).code == 2
 
 
+@pytest.mark.slow
 def test_quiet_says_nothing(chart: Callable[..., Ran], tmp_path: Path) -> None:
     assert chart(*SMALL, *FAST, "--chart", tmp_path, "-q") == (0, "", "")
 
 
+@pytest.mark.slow
 def test_an_interrupt_keeps_what_is_finished_and_says_how_to_go_on(
     chart: Callable[..., Ran], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -125,6 +131,7 @@ def test_an_interrupt_keeps_what_is_finished_and_says_how_to_go_on(
     assert len(lines(tmp_path / "blinn-phong-50.csv")) == 4
 
 
+@pytest.mark.slow
 def test_runs_of_other_settings_stay_and_are_said(chart: Callable[..., Ran], tmp_path: Path) -> None:
     assert chart(*SMALL, *FAST, "--chart", tmp_path, "-q").code == 0
     ran = chart(*SMALL, *FAST, "--chart", tmp_path, "--epsilon", 0.1, "--json")
@@ -134,6 +141,7 @@ def test_runs_of_other_settings_stay_and_are_said(chart: Callable[..., Ran], tmp
     assert [row["epsilon"] for row in lines(csv_file)] == ["1e-05"] * 4 + ["0.1"] * 4
 
 
+@pytest.mark.slow
 def test_pinned_kinds_and_searches_are_taken(chart: Callable[..., Ran], tmp_path: Path) -> None:
     ran = chart(
         *SMALL, "--methods", "search", "--textures", 3, "--size", 4, "--search", "gradient,nlopt-COBYLA",
@@ -146,6 +154,7 @@ def test_pinned_kinds_and_searches_are_taken(chart: Callable[..., Ran], tmp_path
     assert "projections=theta_h-theta_d+theta_d-phi_d+isotropic-in-out " in rows[0]["settings"]
 
 
+@pytest.mark.slow
 def test_a_configuration_gives_what_the_command_line_does_not(chart: Callable[..., Ran], tmp_path: Path) -> None:
     config = tmp_path / "run.toml"
     config.write_text(
@@ -246,6 +255,7 @@ def test_a_source_that_cannot_be_used_leaves_nothing(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "openpty"), reason="needs a pseudo-terminal")
 def test_a_terminal_sees_how_many_runs_there_are(tmp_path: Path) -> None:
     terminal, theirs = os.openpty()

@@ -48,6 +48,7 @@ def check_record(record: dict[str, Any]) -> None:
         assert all(value >= 0 for value in errors.values())
 
 
+@pytest.mark.slow
 def test_factorize_leaves_the_whole_result(result: Path) -> None:
     found = {path.name for path in result.iterdir()}
     assert found >= {
@@ -64,6 +65,7 @@ def test_factorize_leaves_the_whole_result(result: Path) -> None:
     assert bool((loaded.evaluate(up, up) > 0).all())
 
 
+@pytest.mark.slow
 def test_factorize_prints_a_summary_of_80_columns(
     run: Callable[..., Ran], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -83,6 +85,7 @@ def test_factorize_prints_a_summary_of_80_columns(
     assert all(len(line) <= 80 for line in ran.out.splitlines() if str(tmp_path) not in line)
 
 
+@pytest.mark.slow
 def test_json_is_one_object_and_the_same_as_the_report(run: Callable[..., Ran], tmp_path: Path) -> None:
     ran = run("factorize", *SMALL, *SIZE, "--method", "mccool", "--out", tmp_path / "o", "--json")
     assert (ran.code, ran.err) == (0, "")
@@ -93,10 +96,12 @@ def test_json_is_one_object_and_the_same_as_the_report(run: Callable[..., Ran], 
     assert "mccool" not in record
 
 
+@pytest.mark.slow
 def test_quiet_says_nothing(run: Callable[..., Ran], tmp_path: Path) -> None:
     assert run("factorize", *SMALL, *SIZE, "--method", "mccool", "--out", tmp_path / "o", "-q") == (0, "", "")
 
 
+@pytest.mark.slow
 def test_a_second_result_needs_force_and_force_replaces(run: Callable[..., Ran], tmp_path: Path) -> None:
     command = ["factorize", *SMALL, *SIZE, "--method", "mccool", "--out", tmp_path / "o", "-q"]
     assert run(*command).code == 0
@@ -109,6 +114,7 @@ def test_a_second_result_needs_force_and_force_replaces(run: Callable[..., Ran],
     assert (tmp_path / "o" / "factorization.npz").read_bytes() != before
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_fit_and_another_one_does_not(run: Callable[..., Ran]) -> None:
     def errors(seed: int) -> Any:
         ran = run("compare", *SMALL, *FAST, "--methods", "cole", "--seed", seed, "--json")
@@ -117,6 +123,7 @@ def test_the_same_seed_gives_the_same_fit_and_another_one_does_not(run: Callable
     assert errors(1) == errors(1) != errors(2)
 
 
+@pytest.mark.slow
 def test_compare_gives_a_row_for_each_method_and_a_figure(
     run: Callable[..., Ran], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -161,6 +168,7 @@ def test_channels_may_be_named(run: Callable[..., Ran], wanted: str, names: list
     assert json.loads(run("info", *SMALL, "--channels", wanted, "--json").out)["channels"] == names
 
 
+@pytest.mark.slow
 def test_one_channel_of_a_source_is_that_column(run: Callable[..., Ran], tmp_path: Path) -> None:
     def mean(channels: str) -> Any:
         command = ["compare", *SMALL, *SIZE, "--methods", "mccool", "--channels", channels, "--json"]
@@ -172,6 +180,7 @@ def test_one_channel_of_a_source_is_that_column(run: Callable[..., Ran], tmp_pat
     assert homofact.load(str(out / "factorization.npz")).channels == ("G",)
 
 
+@pytest.mark.slow
 def test_light_stands_in_report_table_and_verdict(run: Callable[..., Ran], tmp_path: Path) -> None:
     out = tmp_path / "o"
     ran = run("factorize", *SMALL, *SIZE, "--method", "mccool", "--out", out)
@@ -207,6 +216,7 @@ def test_render_draws_a_result_under_another_light(run: Callable[..., Ran], resu
     assert sorted(path.name for path in (tmp_path / "p").iterdir()) == ["a.png", "b.png"]
 
 
+@pytest.mark.slow
 def test_render_draws_a_source_in_an_environment_at_the_exposure_asked_for(
     run: Callable[..., Ran], tmp_path: Path
 ) -> None:
@@ -225,6 +235,7 @@ def test_render_draws_a_source_in_an_environment_at_the_exposure_asked_for(
     assert run("render", measured, "--size", "48", "--out", tmp_path / "b.png", "-q") == (0, "", "")
 
 
+@pytest.mark.slow
 def test_a_configuration_gives_what_the_command_line_does_not(run: Callable[..., Ran], tmp_path: Path) -> None:
     config = tmp_path / "run.toml"
     config.write_text(
@@ -248,6 +259,7 @@ def environment() -> dict[str, str]:
 PROGRAM = [sys.executable, "-m", "homofact.cli.main"]
 
 
+@pytest.mark.slow
 def test_a_pipe_gets_json_and_silence() -> None:
     command = [*PROGRAM, "compare", *SMALL, *FAST, "--methods", "cole", "--json"]
     ran = subprocess.run(command, capture_output=True, text=True, env=environment(), timeout=120)
@@ -255,6 +267,7 @@ def test_a_pipe_gets_json_and_silence() -> None:
     assert json.loads(ran.stdout)["rows"][0]["method"] == "cole"
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "openpty"), reason="needs a pseudo-terminal")
 @pytest.mark.parametrize("quiet", [False, True])
 def test_a_terminal_sees_the_bar_unless_quiet(quiet: bool) -> None:
@@ -281,6 +294,7 @@ def test_a_terminal_sees_the_bar_unless_quiet(quiet: bool) -> None:
         assert b"evaluations best" in seen
 
 
+@pytest.mark.slow
 def test_a_closed_pipe_is_left_quietly() -> None:
     with subprocess.Popen(
         [*PROGRAM, "info", *SMALL], stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=environment()
@@ -303,6 +317,7 @@ def test_help_does_not_wait_for_torch() -> None:
     assert "--textures" in ran.stdout
 
 
+@pytest.mark.slow
 def test_strict_and_refuse_leave_nothing_behind(run: Callable[..., Ran], tmp_path: Path) -> None:
     out = tmp_path / "o"
     asked = ["factorize", *SMALL, *SIZE, "--method", "mccool", "--out", out]

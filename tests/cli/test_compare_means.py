@@ -19,6 +19,7 @@ def fast(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.chdir(tmp_path)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("fast")
 def test_several_sources_and_seeds_are_one_table(capsys: pytest.CaptureFixture[str]) -> None:
     line = [*FAST, "--seeds", "0,3", "--csv", "t/a.csv", "--latex", "t/a.tex", "--metrics", "log_mse,male"]
@@ -47,6 +48,7 @@ def test_several_sources_and_seeds_are_one_table(capsys: pytest.CaptureFixture[s
     assert (answer["csv"], answer["latex"]) == ("t/a.csv", "t/a.tex")
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("fast")
 def test_a_measurement_beside_a_model_has_another_epsilon(capsys: pytest.CaptureFixture[str]) -> None:
     write_csv("clay.csv", homofact.read("material:lafortune-clay", count=300).samples)
@@ -85,6 +87,7 @@ def test_what_cannot_be_meant_is_refused_before_a_fit(
     assert list(Path().iterdir()) == []
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("fast")
 def test_the_latex_table_can_have_the_rows_of_each_source(capsys: pytest.CaptureFixture[str]) -> None:
     line = ["compare", *FAST[:6], "--methods", "mccool", "--metrics", "log_mse", "--quiet"]
@@ -105,6 +108,7 @@ def test_the_latex_table_can_have_the_rows_of_each_source(capsys: pytest.Capture
     assert r"\multicolumn" not in Path("b.tex").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("fast")
 def test_a_setting_that_no_compared_method_has_is_noted(capsys: pytest.CaptureFixture[str]) -> None:
     line = ["compare", FAST[0], "--count", "300", "--size", "5", "--methods", "mccool,ggx", "--metrics", "log_mse"]

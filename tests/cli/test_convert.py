@@ -73,6 +73,7 @@ def test_a_model_becomes_an_adaptive_table(tmp_path: Path, capsys: pytest.Captur
     assert table.facts["comments"][0] == "converted from lafortune-clay"
 
 
+@pytest.mark.slow
 def test_an_adaptive_table_stays_as_it_is_and_becomes_a_merl_table(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -91,6 +92,7 @@ def test_an_adaptive_table_stays_as_it_is_and_becomes_a_merl_table(
     assert float((found / wanted - 1).abs().median()) < 0.01
 
 
+@pytest.mark.slow
 def test_a_fit_is_a_source_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     fit = homofact.fit(homofact.read(MATERIAL, count=2000), homofact.McCool(projections=("theta_h", "theta_d"), size=8))
     fit.save(tmp_path / "fit.npz")
@@ -212,9 +214,9 @@ def test_conventions_are_undone(tmp_path: Path, capsys: pytest.CaptureFixture[st
     ("name", "more", "form", "read"),
     [
         ("clay.xml", [], "klems", "window"),
-        ("clay.xml", ["--form", "tree"], "tree", "window"),
+        pytest.param("clay.xml", ["--form", "tree"], "tree", "window", marks=pytest.mark.slow),
         ("clay.bsdf", ["--form", "zemax"], "zemax", "zemax"),
-        ("clay.brdf", [], "speos", "speos"),
+        pytest.param("clay.brdf", [], "speos", "speos", marks=pytest.mark.slow),
         ("clay.anisotropicbsdf", [], "speos", "speos"),
     ],
 )

@@ -94,6 +94,7 @@ def curves_text(**changes: Any) -> dict[str, Any]:
     }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_scene_is_prepared_and_its_errors_said(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
     from homofact.editing.result import open_edit
     from homofact.editing.session import Session
@@ -123,6 +124,7 @@ def test_a_scene_is_prepared_and_its_errors_said(scene: Path, capsys: pytest.Cap
     assert saved.file.settings.triangles == 60
 
 
+@pytest.mark.slow
 def test_the_errors_that_are_said_are_those_of_the_pictures(scene: Path) -> None:
     """Lights and bands: against all pixels under many lights; many triangles leave less than few."""
     from homofact.editing.build import open_edit_scene
@@ -136,6 +138,7 @@ def test_the_errors_that_are_said_are_those_of_the_pictures(scene: Path) -> None
     assert 0.01 < few < 0.5
 
 
+@pytest.mark.slow
 def test_a_folder_of_another_state_of_the_scene_is_refused(scene: Path) -> None:
     from homofact.editing.result import open_edit
     from homofact.errors import BadInput
@@ -151,6 +154,7 @@ def test_a_folder_of_another_state_of_the_scene_is_refused(scene: Path) -> None:
         open_edit(out)
 
 
+@pytest.mark.slow
 def test_what_is_there_stays_without_force(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = scene.parent / "out"
     run = ["edit", str(scene), "--out", str(out), "--quiet"]
@@ -205,6 +209,7 @@ def test_what_is_no_scene_is_refused(
     assert not out.exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("way", "more", "most"), [("texels", ["--refine", "4"], 0.005), ("texture", [], 0.003)], ids=["texels", "texture"]
 )
@@ -239,6 +244,7 @@ def test_curves_become_textures_of_the_fit(
     assert (out.with_name("export") / "brdf.glsl").is_file()
 
 
+@pytest.mark.slow
 def test_curves_of_what_is_no_fit_are_fitted_anew(
     scene: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -340,6 +346,7 @@ def test_arguments_that_are_none(
     assert not Path("out").exists()
 
 
+@pytest.mark.slow
 def test_a_folder_that_is_none_is_said(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = scene.parent / "curves.json"
     file.write_text(json.dumps(curves_text()))

@@ -46,6 +46,7 @@ def coarse_table(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(adaptive, "_AZIMUTHS", 8)
 
 
+@pytest.mark.slow
 def test_an_export_ends_with_what_to_do_next(result: Path, tmp_path: Path, monkeypatch, capsys) -> None:
     coarse_table(monkeypatch)
     monkeypatch.setattr(blender, "closure_light", closures_like)
@@ -93,6 +94,7 @@ def sky(path: Path) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_a_sky_is_filtered_beside_the_material(
     result: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys
 ) -> None:
@@ -140,6 +142,7 @@ def test_a_sky_is_filtered_beside_the_material(
     assert (out / "sky.exr").exists()
 
 
+@pytest.mark.slow
 def test_solved_texels_are_nearer_than_rounded_ones(result: Path, tmp_path: Path, capsys) -> None:
     assert main(["export", str(result), "--to", str(tmp_path / "out"), "--quantize", "png8", "--json"]) == 0
     found = errors(capsys.readouterr().out)
@@ -147,6 +150,7 @@ def test_solved_texels_are_nearer_than_rounded_ones(result: Path, tmp_path: Path
     assert found["solved for png8"]["log_difference"] < 0.95 * found["each texel rounded"]["log_difference"]
 
 
+@pytest.mark.slow
 def test_an_export_of_8_bits_stays_as_it_is(result: Path, tmp_path: Path) -> None:
     first, again, wider = (tmp_path / name for name in ("first", "again", "wider"))
     assert main(["export", str(result), "--to", str(first), "--quantize", "png8", "-q"]) == 0
@@ -157,6 +161,7 @@ def test_an_export_of_8_bits_stays_as_it_is(result: Path, tmp_path: Path) -> Non
     assert sorted(path.name for path in wider.glob("texture_*")) == ["texture_0.exr", "texture_1.exr"]
 
 
+@pytest.mark.slow
 def test_an_engine_keeps_8_bits_if_it_reads_them(monkeypatch: pytest.MonkeyPatch, result: Path, tmp_path: Path) -> None:
     assert main(["export", str(result), "--to", str(tmp_path / "first"), "--format", "png8", "-q"]) == 0
     for name, formats, ending in (("reads", ("exr16", "png8"), ".png"), ("reads-not", ("exr16", "exr"), ".exr")):
@@ -165,6 +170,7 @@ def test_an_engine_keeps_8_bits_if_it_reads_them(monkeypatch: pytest.MonkeyPatch
         assert (tmp_path / name / f"texture_0{ending}").exists()
 
 
+@pytest.mark.slow
 def test_the_table_and_the_files_are_on_the_screen(result: Path, tmp_path: Path, capsys) -> None:
     assert main(["export", str(result), "--to", str(tmp_path / "out"), "--format", "exr16"]) == 0
     shown = capsys.readouterr().out
@@ -180,6 +186,7 @@ def test_the_table_and_the_files_are_on_the_screen(result: Path, tmp_path: Path,
         assert words in shown, words
 
 
+@pytest.mark.slow
 def test_a_file_that_is_gone_leaves_the_difference_alone(result: Path, tmp_path: Path, capsys) -> None:
     fitted = homofact.load(str(result))
     fitted.provenance["source"] = {"file": "gone.brdf"}
@@ -200,6 +207,7 @@ def test_html_is_the_page_of_view(result: Path, tmp_path: Path, capsys) -> None:
     assert (tmp_path / "view.html").read_text(encoding="utf-8").startswith("<!doctype html>")
 
 
+@pytest.mark.slow
 def test_sums_of_products_go_the_same_way(tmp_path: Path, capsys) -> None:
     out = tmp_path / "svd"
     assert main(["factorize", *MODEL, "--method", "svd", "--size", "8", "--out", str(out), "-q"]) == 0
@@ -259,6 +267,7 @@ def test_results_of_a_newer_version(result: Path, tmp_path: Path, capsys) -> Non
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_a_file_is_found_where_the_fit_was_given_it(tmp_path: Path, monkeypatch, capsys) -> None:
     (tmp_path / "far").mkdir()
     shutil.copy(Path(__file__).parents[2] / "data_synthetic" / "synthetic_cornell.brdf", tmp_path / "far" / "p.brdf")
@@ -269,6 +278,7 @@ def test_a_file_is_found_where_the_fit_was_given_it(tmp_path: Path, monkeypatch,
     assert "held_out" in errors(capsys.readouterr().out)["solved for png8"]
 
 
+@pytest.mark.slow
 def test_an_engine_gets_its_files_and_the_likeness_of_a_look_alike_is_said(
     result: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -90,6 +90,7 @@ class Elements(HTMLParser):
         self.tags.append((tag, tuple(name for name, _ in attrs)))
 
 
+@pytest.mark.slow
 def test_folders_exports_and_pages_of_hostile_channels(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     samples = sample_model(material("phong-10").model, 300)
     pages = {}
@@ -126,6 +127,7 @@ def test_the_console_prints_nothing_as_markup(capsys: pytest.CaptureFixture[str]
 
 
 # What no figure can hold as it stands: half a letter of UTF-8, and what Matplotlib takes for a formula.
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [os.fsdecode(b"paint\xff.csv"), r"a$\nope$b.csv"])
 def test_files_of_any_name_are_fitted_drawn_and_compared(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

@@ -35,6 +35,7 @@ def fill(plan: Path, to: Path) -> None:
     to.write_text("\n".join(filled) + "\n", encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_round_after_round_by_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     files: list[str] = []
     answers = []

@@ -33,6 +33,7 @@ def paint(tmp_path: Path) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_a_fit_says_what_was_mended_and_is_reopened_so(
     paint: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -30,6 +30,7 @@ def source() -> Source:
     return open_source("material:blinn-phong-50", count=600)
 
 
+@pytest.mark.slow
 def test_all_metrics_read_in_80_columns(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setenv("COLUMNS", "80")
     methods = "mccool,mccool:theta_h-theta_d,mccool:h,mccool:wi+h,mccool:d,mccool:wi"
@@ -42,6 +43,7 @@ def test_all_metrics_read_in_80_columns(monkeypatch: pytest.MonkeyPatch, capsys:
     assert "each sample over the density of its drawing (lobe)" in " ".join(out.split())
 
 
+@pytest.mark.slow
 def test_json_has_a_metrics_object_a_row(capsys: pytest.CaptureFixture[str]) -> None:
     def rows(*metrics: str) -> list[dict[str, dict[str, float]]]:
         assert main(["compare", *SIZE, "--methods", "mccool:theta_h-theta_d,mccool:wi", "--json", *metrics]) == 0
@@ -114,6 +116,7 @@ def test_what_is_not_defined_is_none(source: Source) -> None:
     assert found["male"] is not None
 
 
+@pytest.mark.slow
 def test_a_subset_is_said_and_recorded(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     for command in (["compare", "--methods", "mccool:theta_h-theta_d"], ["factorize", "--out", str(tmp_path / "o")]):
         fast = SIZE if command[0] == "compare" else FAST
@@ -126,6 +129,7 @@ def test_a_subset_is_said_and_recorded(capsys: pytest.CaptureFixture[str], tmp_p
         assert "fitted to 300 of 480 samples" in err
 
 
+@pytest.mark.slow
 def test_several_seeds_are_means_with_their_spread(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     command = ["compare", *FAST, "--methods", "mccool,cole", "--seeds", "3", "--metrics", "six,male"]
     assert main([*command, "--json", "--plot", str(tmp_path / "a.png")]) == 0

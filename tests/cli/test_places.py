@@ -35,6 +35,7 @@ def test_names_that_are_too_long_are_refused_first(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_a_name_as_long_as_can_be_will_do(tmp_path: Path) -> None:
     assert main([*FIT, "--out", str(tmp_path / ("n" * 255)), "-q"]) == 0
     assert [len(path.name) for path in tmp_path.iterdir()] == [255]
@@ -95,6 +96,7 @@ COMMANDS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", COMMANDS)
 def test_two_runs_into_one_place_do_not_meet(command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     place = tmp_path / "out"
@@ -112,6 +114,7 @@ sys.exit(main({[each.format(place=place) for each in COMMANDS[command]]!r}))
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_force_leaves_what_is_not_homofacts(tmp_path: Path) -> None:
     out = str(tmp_path / "out")
     assert main([*FIT, "--out", out, "-q"]) == 0

@@ -36,6 +36,7 @@ def scene(tmp_path: Path) -> Path:
     return file
 
 
+@pytest.mark.slow
 def test_a_plan_leaves_its_choices_and_a_figure(
     scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -74,6 +75,7 @@ def test_a_plan_leaves_its_choices_and_a_figure(
     assert "found an existing plan, expected a new folder or --force" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_quiet_says_nothing_where_a_plan_is_written(
     scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -86,6 +88,7 @@ def test_quiet_says_nothing_where_a_plan_is_written(
     assert (tmp_path / "o" / "plan.json").is_file()
 
 
+@pytest.mark.slow
 def test_an_impossible_tolerance_is_a_warning_or_refused(
     scene: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -125,6 +128,7 @@ def test_a_folder_with_something_else_is_left_alone(
     assert "found thesis.txt in it" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_bytes_are_shared_out_over_several_lightings(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """12 and 48 bytes would meet the tolerance."""
     text = SCENE.replace("share = 0.25", "share = 0.25\npixels = 60")
@@ -140,6 +144,7 @@ def test_bytes_are_shared_out_over_several_lightings(scene: Path, capsys: pytest
     assert "within 50 bytes" in found["warnings"][0]
 
 
+@pytest.mark.slow
 def test_odd_data_are_named_beside_the_choice(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Half of the samples tripled: planned as one colour, but not without a word."""
     samples = sample_model(Lambert((0.2, 0.2, 0.2)), 1000)
@@ -168,6 +173,7 @@ def test_odd_data_are_named_beside_the_choice(tmp_path: Path, capsys: pytest.Cap
     assert "refuse: found 'scater', expected some of" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_strict_refuses_a_fit_whose_fault_a_picture_shows(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["plan", str(scene), *QUICK, "--strict"]) == 2
     error = capsys.readouterr().err
@@ -198,6 +204,7 @@ def relit(tmp_path: Path) -> Path:
     return file
 
 
+@pytest.mark.slow
 def test_a_relighting_is_planned_and_relit_as_planned(relit: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["plan", str(relit), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
@@ -217,6 +224,7 @@ def test_a_relighting_is_planned_and_relit_as_planned(relit: Path, capsys: pytes
     assert record["error"]["sphere"]["harmonics"] <= record["error"]["sphere"]["together"] + 0.01
 
 
+@pytest.mark.slow
 def test_the_table_of_a_relighting_shows_what_was_considered(relit: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["plan", str(relit)]) == 0
     said = capsys.readouterr()
@@ -227,6 +235,7 @@ def test_the_table_of_a_relighting_shows_what_was_considered(relit: Path, capsys
     assert "Of all objects:" in said.err
 
 
+@pytest.mark.slow
 def test_a_tolerance_that_no_terms_meet_is_a_warning_or_refused(
     relit: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -59,6 +59,7 @@ def scene(tmp_path: Path) -> Path:
     return tmp_path / "scene.toml"
 
 
+@pytest.mark.slow
 def test_a_scene_is_relit_and_its_error_said(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = scene.parent / "out"
     assert main(["relight", str(scene), "--out", str(out), "--vertices", "6", "--ledger", "--json"]) == 0
@@ -100,6 +101,7 @@ def test_an_existing_result_stays_without_force(scene: Path, capsys: pytest.Capt
     assert (out / "relight.npz").read_bytes() != before
 
 
+@pytest.mark.slow
 def test_blocks_of_another_run_are_refused_by_name(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """What a killed run left is used by the same run and refused by another."""
     out = scene.parent / "out"

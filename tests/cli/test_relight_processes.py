@@ -13,6 +13,8 @@ import pytest
 
 from homofact.files.archive import read_arrays
 
+pytestmark = pytest.mark.slow
+
 pytest.importorskip("embreex", reason="embreex is not installed: pip install 'homofact[relight]'")
 
 SCENE = """

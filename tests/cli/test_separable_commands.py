@@ -16,6 +16,7 @@ def answer(capsys: pytest.CaptureFixture[str], *arguments: object) -> dict:
     return json.loads(capsys.readouterr().out)
 
 
+@pytest.mark.slow
 def test_they_are_compared_with_the_others(capsys: pytest.CaptureFixture[str]) -> None:
     found = answer(capsys, "compare", *SMALL, "--methods", "mccool,svd,nmf", "--textures", 3, "--metrics", "all")
     mccool, svd, nmf = found["rows"]
@@ -24,6 +25,7 @@ def test_they_are_compared_with_the_others(capsys: pytest.CaptureFixture[str]) -
     assert mccool["samples"] == svd["samples"] == 600
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["svd", "nmf"])
 def test_a_result_is_left_and_drawn_again(method: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "o"
@@ -38,6 +40,7 @@ def test_a_result_is_left_and_drawn_again(method: str, tmp_path: Path, capsys: p
     assert (tmp_path / "s.png").is_file()
 
 
+@pytest.mark.slow
 def test_they_are_charted_once_a_size_and_count(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     options = ["--methods", "svd,nmf", "--textures", "1,2", "--size", "4", "--chart", tmp_path / "c"]
     assert len(answer(capsys, "compare", *SMALL[:3], *options)["rows"]) == 4

@@ -31,6 +31,7 @@ def measured(path: Path, wavelengths: Sequence[float], value: str = "") -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_it_writes_a_fit_with_a_basis(run: Callable[..., Ran], tmp_path: Path) -> None:
     paint = measured(tmp_path / "paint.brdf", BANDS)
     ran = run("factorize", paint, *FAST, "--spectral-tolerance", 0.5, "--out", tmp_path / "out", "--json")
@@ -69,6 +70,7 @@ def test_spectra_that_it_cannot_use_are_refused_in_a_line(
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_infrared_spectra_are_fitted_in_all_bands(run: Callable[..., Ran], tmp_path: Path) -> None:
     """What the refusals say is possible: without a basis, and read as spectra."""
     paint = measured(tmp_path / "paint.brdf", (900, 1100, 1300, 1500, 1700))

@@ -16,6 +16,7 @@ RUN = "import sys; from homofact.cli.entry import run; sys.exit(run())"
 INFO = [sys.executable, "-c", RUN, "info", "material:phong-10", "--count", "50"]
 
 
+@pytest.mark.slow
 def test_a_closed_stdout_is_none_of_the_commands_concern(tmp_path: Path) -> None:
     script = tmp_path / "run.sh"
     script.write_text('exec "$@" >&- <&-\n')
@@ -27,6 +28,7 @@ def test_a_closed_stdout_is_none_of_the_commands_concern(tmp_path: Path) -> None
     assert target.read_text().startswith("# isotropic")
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no /dev/full")
 def test_a_full_stdout_is_said_in_one_line() -> None:
     with open("/dev/full", "w") as full:
@@ -52,6 +54,7 @@ sys.exit(run())
     assert ran.stderr == "homofact: interrupted, nothing was written\n"
 
 
+@pytest.mark.slow
 def test_names_that_are_no_utf_8(tmp_path: Path) -> None:
     place = tmp_path / os.fsdecode(b"na\xffme")
     try:

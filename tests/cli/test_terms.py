@@ -47,6 +47,7 @@ def test_a_count_that_has_not_settled_is_said_to_be_rough(capsys: pytest.Capture
     assert err.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_beside_a_fit(tmp_path, capsys: pytest.CaptureFixture[str]) -> None:
     quick = tmp_path / "quick.toml"
     quick.write_text('[fit]\nmethod = "mccool"\nsize = 8\n')

@@ -72,6 +72,7 @@ def test_its_numbers_are_those_of_the_fit_s_own_report(run: Callable[..., Ran], 
     assert data_of(result / "view.html")["notes"][0].startswith("Errors are on 140 of 700 samples (seed 3)")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "options", [[*COLE, "--held-out", "0.4"], [*COLE, "--subset", "300"], ["--method", "mccool"], ["--method", "svd"]]
 )
@@ -93,6 +94,7 @@ def test_a_saved_file_alone_will_do(run: Callable[..., Ran], made: Path, tmp_pat
     assert sorted(path.name for path in tmp_path.iterdir()) == ["paint.html", "paint.npz"]
 
 
+@pytest.mark.slow
 def test_a_file_is_found_beside_the_result_or_in_the_working_folder(
     run: Callable[..., Ran], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -117,6 +119,7 @@ def test_a_file_is_found_beside_the_result_or_in_the_working_folder(
     assert json.loads(run("view", folder, "--json", "--force").out)["source"] == "paint.brdf"
 
 
+@pytest.mark.slow
 def test_samples_that_the_fit_has_seen_are_not_called_held_out(run: Callable[..., Ran], tmp_path: Path) -> None:
     fitted = homofact.fit(homofact.read("material:phong-10", count=400), homofact.Cole(size=6, restarts=1))
     fitted.save(tmp_path / "all.npz")
@@ -131,6 +134,7 @@ def test_samples_that_the_fit_has_seen_are_not_called_held_out(run: Callable[...
     assert "Nothing was held out: both fits were made from these samples." in note
 
 
+@pytest.mark.slow
 def test_a_spectral_source_is_shown_as_the_fit_s_rgb_or_its_one_wavelength(
     run: Callable[..., Ran], tmp_path: Path
 ) -> None:
@@ -212,6 +216,7 @@ def test_one_line_names_what_is_wrong(name: str, run: Callable[..., Ran], result
     assert [path.name for path in here.iterdir()] == ["blinn"]
 
 
+@pytest.mark.slow
 def test_a_source_of_other_channels_is_refused(run: Callable[..., Ran], tmp_path: Path) -> None:
     assert (
         run(

@@ -8,7 +8,10 @@ from brdf_files import WRITERS, Writer
 
 from homofact.errors import BadInput
 
-EVERY = pytest.mark.parametrize("writer", WRITERS.values(), ids=list(WRITERS))
+EVERY = pytest.mark.parametrize(
+    "writer",
+    [pytest.param(WRITERS[name], id=name, marks=pytest.mark.slow if name == "speos" else ()) for name in WRITERS],
+)
 
 
 def names(folder: Path) -> list[str]:

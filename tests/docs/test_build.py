@@ -48,6 +48,7 @@ def built(folder: Path, page: str) -> int:
 pytestmark = pytest.mark.filterwarnings("ignore")
 
 
+@pytest.mark.slow
 def test_a_page_gets_its_links_and_formulas(tmp_path: Path) -> None:
     assert built(tmp_path, PAGE) == 0
     page = (tmp_path / "site" / "index.html").read_text(encoding="utf-8")
@@ -78,6 +79,7 @@ def test_every_formula_of_a_page_can_be_shown(path: Path) -> None:
         assert with_accents(tex2mathml(formula)).startswith("<math")
 
 
+@pytest.mark.slow
 def test_what_cannot_be_shown_fails_the_build(tmp_path: Path) -> None:
     assert built(tmp_path / "formula", PAGE.replace("\\sqrt", "\\nosuch")) == 1
     assert built(tmp_path / "link", PAGE.replace("seeds.py.md", "absent.py.md")) == 1

@@ -34,6 +34,7 @@ def texts() -> Iterator[tuple[str, str]]:
             )
 
 
+@pytest.mark.slow
 def test_every_cited_work_is_in_the_bibliography() -> None:
     missing = [
         f"{name}: {cited.text}"
@@ -44,6 +45,7 @@ def test_every_cited_work_is_in_the_bibliography() -> None:
     assert missing == [], "put them into docs/references.bib"
 
 
+@pytest.mark.slow
 def test_every_year_in_brackets_belongs_to_a_work() -> None:
     missing = [f"{name}: {words}" for name, text in texts() for words in unknown_years(text)]
     assert missing == [], "put the works into docs/references.bib"

@@ -141,6 +141,7 @@ def test_runs_are_told_from_mentions() -> None:
     }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_the_reference_has_what_is_public_and_who_uses_it() -> None:
     block = "# T\n\n```python\nimport homofact\nhomofact.fit(x, homofact.McCool(size=8))\n```\n"
     pages = reference_pages({"tutorials/t": block, "a": block.replace("# T", "# A"), "b": "# B"})
@@ -189,6 +190,7 @@ def test_links_that_lead_nowhere_are_found(tmp_path: Path) -> None:
     ]
 
 
+@pytest.mark.slow
 def test_every_function_is_described_once() -> None:
     """Two descriptions of one name are a warning of the site's builder, which ends the build."""
     for page, text in reference_pages(PAGES).items():

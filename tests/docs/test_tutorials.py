@@ -72,7 +72,7 @@ def inverse_rendering(names: Names) -> None:
 
 
 # Above about four seconds of a processor: scripts/pictures/tutorials.py.
-SLOW = (paint, own_data, trust, plan, edit, sweep)
+SLOW = (paint, own_data, trust, plan, relight, edit, sweep)
 LEFT: dict[str, Callable[[Names], None]] = {
     each.__name__: each for each in (paint, own_data, trust, plan, relight, edit, sweep, inverse_rendering)
 }

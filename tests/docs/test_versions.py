@@ -58,6 +58,7 @@ CHOOSE = """const choice = document.querySelector(".site-versions");
 choice.value = arguments[0]; choice.dispatchEvent(new Event("change"));"""
 
 
+@pytest.mark.slow
 def test_a_page_leads_to_the_same_page_of_another_version(sites: tuple[Path, str], driver: Any) -> None:
     from selenium.webdriver.support.ui import WebDriverWait
 

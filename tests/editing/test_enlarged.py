@@ -30,6 +30,7 @@ def values_of(prepared: PreparedScene) -> torch.Tensor:
     return radiance(prepared, 0, starting_curves(prepared))
 
 
+@pytest.mark.slow
 def test_an_enlarged_picture_is_nearly_the_one_precomputed_in_as_many_pixels() -> None:
     few, many = prepared_at((32, 32)), prepared_at((96, 96))
     found, expected = enlarged(few, 0, values_of(few), 3), enlarged(many, 0, values_of(many), 1)

@@ -75,6 +75,7 @@ def times(session: Session, address, factor) -> Bands:
     return replace(curve, values=curve.values * torch.as_tensor(factor, dtype=torch.float64))
 
 
+@pytest.mark.slow
 def test_direct_light_is_the_same_bits_with_a_bounce() -> None:
     without, whole = prepared(bounces=0), prepared()
     direct = [part for part in whole.parts if part.senders is None]
@@ -231,6 +232,7 @@ def even(points: np.ndarray, uv: np.ndarray) -> np.ndarray:
     return np.full((len(points), 3), 0.5)
 
 
+@pytest.mark.slow
 def test_a_pattern_sends_what_is_left_of_it() -> None:
     """A floor of half the albedo everywhere sends half; squares lie between both."""
     patterns: list[dict[str, Pattern]] = [{}, {"diffuse": even}, {"diffuse": checks}]

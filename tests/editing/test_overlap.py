@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from slow_cases import slow_among
 
 from homofact.editing.angles import ANGLES, PEAKED, RIGHT_ANGLE, chord_at
 from homofact.editing.lights import TriangleLights, triangle_lights
@@ -100,7 +101,7 @@ WO = np.array([0.5, -0.3, math.sqrt(1 - 0.34)])
 
 
 @pytest.mark.parametrize("name", [name for name in ANGLES if name != "theta_o"])
-@pytest.mark.parametrize("count", [32, 256])
+@pytest.mark.parametrize("count", slow_among([32, 256], 256))
 def test_one_angle_is_that_of_points(name: str, count: int) -> None:
     kinds, bands = (ANGLES.index(name), -1), (count, 1)
     visible = np.flatnonzero((LIGHTS.centres @ FRAME.T)[:, 2] > 0)
@@ -121,6 +122,7 @@ def test_one_angle_is_that_of_points(name: str, count: int) -> None:
     assert np.mean(distances) < 0.015
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name_a", "name_b"), [("theta_h", "theta_d"), ("gamma_alpha", "gamma_beta")])
 def test_two_angles_are_those_of_points(name_a: str, name_b: str) -> None:
     kinds, bands = (ANGLES.index(name_a), ANGLES.index(name_b)), (128, 64)

@@ -39,6 +39,7 @@ def data_of(page: Path) -> dict[str, Any]:
     return json.loads(found[1])
 
 
+@pytest.mark.slow
 def test_coded_transports_are_far_closer_than_half_floats() -> None:
     for part in page_prepared().parts:
         transport = part.transport
@@ -71,6 +72,7 @@ def table_albedo(material: Editable) -> np.ndarray:
     return np.sum(rows, 0)
 
 
+@pytest.mark.slow
 def test_the_furnace_s_table_is_the_furnace() -> None:
     for thing in page_prepared().scene.objects[1:]:
         material = thing.material
@@ -98,6 +100,7 @@ def test_quotient_tables_are_near_their_quotients() -> None:
         assert (table.sizes[3] > 1) == (material is clay)
 
 
+@pytest.mark.slow
 def test_the_page_is_one_file_that_asks_for_nothing(tmp_path: Path) -> None:
     prepared = page_prepared()
     told: list[str] = []
@@ -123,6 +126,7 @@ def test_numbers_of_the_scene() -> None:
     assert re.fullmatch(r"rank \d+, error (below 0.001|[\d.]+)%", str(found["side: paint"]["specular, 64 × 32 bands"]))
 
 
+@pytest.mark.slow
 def test_bad_input_is_named_and_nothing_is_lost(tmp_path: Path) -> None:
     page = tmp_path / "p.html"
     page.write_text("before")

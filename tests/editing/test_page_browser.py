@@ -104,6 +104,7 @@ def wavy(curve: Bands, k: int) -> Bands:
     return replace(curve, values=curve.values * (1.2 + 0.7 * torch.sin(0.37 * (k + 1) * place + channel)))
 
 
+@pytest.mark.slow
 def test_pictures_are_the_library_s(page: Any) -> None:
     check_pictures(page, Session(page_prepared()))
 
@@ -124,6 +125,7 @@ def test_every_curve_counts_as_in_the_library(page: Any) -> None:
     check_pictures(page, session)
 
 
+@pytest.mark.slow
 def test_an_edit_comes_in_by_pieces_and_ends_exact(page: Any) -> None:
     session = Session(page_prepared())
     changed = {PAINT: wavy(session.curves[PAINT], 3)}
@@ -141,6 +143,7 @@ def test_an_edit_comes_in_by_pieces_and_ends_exact(page: Any) -> None:
     check_pictures(page, session)
 
 
+@pytest.mark.slow
 def test_sliders_are_the_models(page: Any) -> None:
     """A slider's curve, and the picture that it makes, are the library's."""
     session = Session(page_prepared())
@@ -164,6 +167,7 @@ def test_sliders_are_the_models(page: Any) -> None:
     assert said.split() == ["nv", "3.5"]
 
 
+@pytest.mark.slow
 def test_start_curves_are_the_models_at_their_numbers(page: Any) -> None:
     starts = page.execute_script(
         "return homofact.page.curves.filter((c) => c.formula).map((c) => [c.index, Array.from(homofact.bandedFormula("
@@ -174,6 +178,7 @@ def test_start_curves_are_the_models_at_their_numbers(page: Any) -> None:
         assert made == pytest.approx(start, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_the_albedo_is_the_library_s_with_its_warning(page: Any) -> None:
     session = Session(page_prepared())
     start = session.curves["steel", "specular", "alpha"]
@@ -221,6 +226,7 @@ def mapped(session: Session, view: int, exposure: float, curve: str) -> np.ndarr
     return tonemap(SphereImage(radiance, coverage), exposure, 0.0, curve).pixels.numpy().astype(int)
 
 
+@pytest.mark.slow
 def test_what_is_seen_is_tone_mapped_as_elsewhere(page: Any) -> None:
     start, session = Session(page_prepared()), Session(page_prepared())
     exposure = choose_middle(SphereImage(*image(start.prepared, 0, start.picture(0))))
@@ -253,6 +259,7 @@ def test_what_is_seen_is_tone_mapped_as_elsewhere(page: Any) -> None:
     same(pixels(page, 0), mapped(session, 0, 0.5, "srgb"), 0)
 
 
+@pytest.mark.slow
 def test_the_settled_picture_is_the_enlarged_one(page: Any) -> None:
     """In four times as many pixels per side as were precomputed, split by a divider."""
     start, session = Session(page_prepared()), Session(page_prepared())
@@ -300,6 +307,7 @@ def test_the_settled_picture_is_the_enlarged_one(page: Any) -> None:
     assert size[1] == pytest.approx(size[0], abs=1)
 
 
+@pytest.mark.slow
 def test_the_preview_shows_the_edited_material(page: Any) -> None:
     """Radiance of the sphere against the material itself, for every material, turned, with the light moved."""
     session, size = Session(page_prepared()), 48
@@ -353,6 +361,7 @@ def sphere_of(session: Session, name: str, axes: torch.Tensor, light: torch.Tens
     return torch.where(inside.reshape(-1, 1) > 0, radiance, torch.zeros_like(radiance))
 
 
+@pytest.mark.slow
 def test_without_webgl_all_but_the_preview_works(tmp_path: Path) -> None:
     from homofact.editing.page.build import write_edit_page
 
@@ -372,6 +381,7 @@ def test_without_webgl_all_but_the_preview_works(tmp_path: Path) -> None:
         assert trouble.startswith("This browser cannot unpack the page's data.")
 
 
+@pytest.mark.slow
 def test_bands_have_their_centres_where_the_page_says(page: Any) -> None:
     page.execute_script("homofact.state.band = 8; homofact.changed('plot')")
     quiet(page)

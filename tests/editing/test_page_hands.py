@@ -19,6 +19,8 @@ from homofact.editing.material import Editable
 from homofact.editing.picture import Address
 from homofact.editing.session import Session
 
+pytestmark = pytest.mark.slow
+
 
 def materials() -> list[Editable]:
     return [thing.material for thing in page_prepared().scene.objects]

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import torch
 from editing.scenes import BRUSHED, PAINT, VIEW, on_the_floor, prepared_paint, relative, single
+from slow_cases import slow_among
 
 from homofact.brdf.analytic import Lambert
 from homofact.editing import factored, models, precompute
@@ -79,7 +80,9 @@ def rendered_densely(model) -> torch.Tensor:
     return radiance(dense, 0, starting_curves(dense))
 
 
-@pytest.mark.parametrize(("kind", "most"), [("CT", 6e-3), ("AS", 0.01), ("HF", 0.012), ("HD", 0.012)])
+@pytest.mark.parametrize(
+    ("kind", "most"), slow_among([("CT", 6e-3), ("AS", 0.01), ("HF", 0.012), ("HD", 0.012)], "CT", "AS", "HD")
+)
 def test_models_as_they_start_give_the_picture_of_the_material(kind: str, most: float) -> None:
     """Curves divided out and put back, bands, triangles and all, against many lights and none of that."""
     material = {
@@ -134,6 +137,7 @@ def test_patterns_and_curves_over_the_outgoing_angle_multiply() -> None:
     assert torch.equal(after[~floor], before[~floor])
 
 
+@pytest.mark.slow
 def test_low_rank_errs_by_what_it_says() -> None:
     full, low = prepared_paint("full"), prepared_paint("low-rank")
     curves = starting_curves(full)

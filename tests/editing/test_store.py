@@ -94,6 +94,7 @@ def test_damage_is_named(stored: tuple[Path, PreparedScene], tmp_path: Path) -> 
         read_prepared(broken, prepared.scene)
 
 
+@pytest.mark.slow
 def test_a_damaged_scene_is_refused_in_a_line_or_shown(stored: tuple[Path, PreparedScene], tmp_path: Path) -> None:
     """Every array of a view and of a part, and every entry of the header, damaged in every way."""
     place, prepared = stored
@@ -133,6 +134,7 @@ def test_full_transports_are_not_stored(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_equal_scenes_have_equal_files(tmp_path: Path) -> None:
     scene = on_the_floor(models.from_reflectance(PAINT, ("theta_h",), "paint", (64,)))
     for name in ("a.npz", "b.npz"):

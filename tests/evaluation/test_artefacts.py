@@ -88,6 +88,7 @@ def noisy() -> Samples:
     return replace(samples, values=samples.values * torch.exp(0.05 * noise), provenance={})
 
 
+@pytest.mark.slow
 def test_noise_of_samples_is_no_artefact(noisy: Samples) -> None:
     found = look(PLASTIC, measured(noisy))
     assert found.artefacts == ()

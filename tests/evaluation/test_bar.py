@@ -68,6 +68,7 @@ def test_the_table_has_what_is_stated_and_says_by_what_it_was_made() -> None:
     assert set(found.made) >= {"script", "seed", "cases", "fits", "searched", "hash", "version"}
 
 
+@pytest.mark.slow
 def test_features_are_documented_and_come_back_from_a_record() -> None:
     figures = verdict(train=MANY).figures
     for quantity in QUANTITIES:
@@ -148,6 +149,7 @@ def test_an_error_in_words(error: float, words: str) -> None:
     assert percent(error) == words
 
 
+@pytest.mark.slow
 def test_a_fit_states_its_interval_and_so_does_its_report() -> None:
     fit = homofact.fit("material:phong-10", homofact.McCool(size=8))
     bar = fit.interval("albedo", 40)

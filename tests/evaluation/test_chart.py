@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from slow_cases import slow_among
 
 import homofact.evaluation.chart
 from homofact.brdf.scattered import Scattered
@@ -121,6 +122,7 @@ def whole(source: Source, tmp_path_factory: pytest.TempPathFactory) -> tuple[lis
     return run_chart(source, deterministic(), ChartLedger(path)), path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("after", [0, 1, 3])
 def test_an_interrupted_chart_goes_on_to_the_same_file(
     after: int, source: Source, whole: tuple[list[ChartRow], Path], tmp_path: Path, counting: Counting
@@ -155,6 +157,7 @@ def test_an_interrupted_chart_goes_on_to_the_same_file(
     assert counting.fitted == []
 
 
+@pytest.mark.slow
 def test_a_line_that_was_cut_is_run_again_and_the_others_are_not(
     source: Source, whole: tuple[list[ChartRow], Path], tmp_path: Path, counting: Counting
 ) -> None:
@@ -202,7 +205,12 @@ OTHERS: dict[str, tuple[Callable[[Source], Source], dict[str, Any], float]] = {
 }
 
 
-@pytest.mark.parametrize("other", OTHERS)
+@pytest.mark.parametrize(
+    "other",
+    slow_among(
+        OTHERS, "another smoothing", "another seed", "another part held out", "other values", "another kind of source"
+    ),
+)
 def test_other_settings_and_sources_are_not_mixed(
     other: str, source: Source, tmp_path: Path, counting: Counting
 ) -> None:
@@ -256,6 +264,7 @@ def spoiled(text: str, how: str) -> str:
     return ""
 
 
+@pytest.mark.slow
 def test_what_an_eye_would_say_stands_in_the_csv(source: Source, tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     (row,) = run_chart(source, plan(methods("mccool"), (1,), (3,), ("gradient",)), ChartLedger(path))
@@ -312,6 +321,7 @@ def test_a_fit_that_is_refused_says_which(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_a_record_has_what_a_comparison_has(source: Source, tmp_path: Path) -> None:
     runs = plan(methods("search"), (1,), (4,), ("gradient",))
     row = run_chart(source, runs, ChartLedger(tmp_path / "a.csv"))[0]
@@ -323,6 +333,7 @@ def test_a_record_has_what_a_comparison_has(source: Source, tmp_path: Path) -> N
     assert (mine["method"], mine["search"], mine["held_out_part"]) == ("search", "gradient", 0.2)
 
 
+@pytest.mark.slow
 def test_seeds_are_runs_of_one_split(source: Source, tmp_path: Path) -> None:
     runs = plan(methods("cole", seed=4), (1,), (3,), ("gradient",), 2)
     assert [(run.settings.seed, run.split_seed) for run in runs] == [(4, 4), (5, 4)]

@@ -184,6 +184,7 @@ def test_channels_must_agree() -> None:
         energy_errors(Lambert((0.1, 0.2, 0.3)), Lambert((0.5,), channels=GREY), isotropic=True)
 
 
+@pytest.mark.slow
 def test_a_measured_gloss_is_resolved(real_data: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     source = open_source(str(real_data / "rgl" / "chm_light_blue_rgb.bsdf"), count=500).reflectance
     blunt = Altered(source, lambda f, wi, wo: f.clamp_max(5.0))

@@ -80,6 +80,7 @@ def test_finished_fits_correct_the_others() -> None:
     assert (several.left, several.seconds_left) == (2, 8.0)
 
 
+@pytest.mark.slow
 def test_what_a_ledger_has_is_done_and_tells_of_the_rest(source: Source, tmp_path: Path) -> None:
     ledger = ChartLedger(tmp_path / "a.csv")
     runs = plan({"cole": COLE}, (1, 2), (3, 4), ("gradient",))

@@ -28,12 +28,14 @@ def test_a_source_without_energy_is_refused() -> None:
         homofact.fit(samples(torch.zeros(1500, 1)), QUICK)
 
 
+@pytest.mark.slow
 def test_all_energy_in_one_sample_is_not_trusted() -> None:
     values = torch.zeros(1500, 1)
     values[7] = 3
     assert {"explained", "zeros"} <= found(samples(values))
 
 
+@pytest.mark.slow
 def test_a_hole_is_named() -> None:
     assert "coverage" in found(samples(torch.full((1500, 1), 0.2)).select((WI[:, 2] > 0.8).nonzero()[:, 0]))
 

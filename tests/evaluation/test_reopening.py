@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from slow_cases import slow_among
 
 import homofact
 from homofact.brdf.neural import LAYERS
@@ -97,7 +98,20 @@ FITS: dict[str, Callable[[], ComparisonRow]] = {
 }
 
 
-@pytest.mark.parametrize("name", FITS)
+@pytest.mark.parametrize(
+    "name",
+    slow_among(
+        FITS,
+        "an absolute path",
+        "one wavelength",
+        "luminance",
+        "a tenth held out",
+        "a subset",
+        "another seed",
+        "split by another seed",
+        "search",
+    ),
+)
 def test_a_saved_fit_knows_its_samples(name: str, here: Path) -> None:
     row = FITS[name]()
     fitted = saved(row)
@@ -149,12 +163,17 @@ def move_result_and_go(here: Path) -> None:
     ("move", "result"),
     [
         (nothing, "here/out/fit"),
-        (move_result, "moved"),
         (move_all, "there/out/fit"),
-        (move_source_beside, "here/out/fit"),
         (move_source_to_working_folder, "here/out/fit"),
-        (go_elsewhere, "here/out/fit"),
         (move_result_and_go, "far/fit"),
+        *(
+            pytest.param(*case, marks=pytest.mark.slow)
+            for case in (
+                (move_result, "moved"),
+                (move_source_beside, "here/out/fit"),
+                (go_elsewhere, "here/out/fit"),
+            )
+        ),
     ],
 )
 def test_it_is_found_after_moving(move: Callable[[Path], None], result: str, here: Path) -> None:
@@ -180,6 +199,7 @@ def test_of_two_files_the_one_with_the_samples_is_taken(here: Path) -> None:
     assert list(other.parts) == ["train", "source"]
 
 
+@pytest.mark.slow
 def test_one_that_is_gone_is_one_line(here: Path) -> None:
     fitted = saved(fitted_row("data/paint.brdf"))
     os.remove("data/paint.brdf")
@@ -194,6 +214,7 @@ def test_one_that_is_gone_is_one_line(here: Path) -> None:
         )
 
 
+@pytest.mark.slow
 def test_a_fit_from_python_had_all_samples(here: Path) -> None:
     source = homofact.read("data/paint.brdf")
     fitted = homofact.fit(source, Cole(textures=1, size=6, restarts=1)).factorization
@@ -212,6 +233,7 @@ def test_bare_samples_have_no_split(here: Path) -> None:
     assert not reopen(fitted, near=("data",)).known
 
 
+@pytest.mark.slow
 def test_samples_thinned_after_the_split_are_noticed(here: Path) -> None:
     source = open_source("data/paint.brdf")
     train = Split.of(source, 0.2, 0).parts(source)[0]
@@ -238,7 +260,15 @@ def without_split(fitted: Fitted) -> Fitted:
 
 
 @pytest.mark.parametrize(
-    "name", ["a file", "one wavelength", "a tenth held out", "a subset", "another seed", "svd", "cole"]
+    "name",
+    slow_among(
+        ["a file", "one wavelength", "a tenth held out", "a subset", "another seed", "svd", "cole"],
+        "one wavelength",
+        "a tenth held out",
+        "a subset",
+        "another seed",
+        "svd",
+    ),
 )
 def test_the_split_of_a_fit_of_0_1_0_is_guessed(name: str, here: Path) -> None:
     row = FITS[name]()

@@ -81,6 +81,7 @@ def test_what_a_fit_saved_gives_the_same_samples(source: Source, tmp_path: Path)
         )
 
 
+@pytest.mark.slow
 def test_the_split_s_seed_may_be_another_than_the_fit_s(source: Source) -> None:
     rows = [fit_and_measure(source, replace(SMALL, seed=seed), split_seed=1) for seed in (0, 1)]
     assert rows[0].split == rows[1].split
@@ -88,6 +89,7 @@ def test_the_split_s_seed_may_be_another_than_the_fit_s(source: Source) -> None:
     assert fit_and_measure(source, SMALL).split.seed == 5
 
 
+@pytest.mark.slow
 def test_a_fit_from_python_says_that_nothing_was_held_out(source: Source) -> None:
     fitted = homofact.fit(source, McCool(size=6, seed=3)).factorization
     assert Split.saved_with(fitted) == Split.of(source, 0.0, 3)

@@ -89,6 +89,7 @@ def test_energy_out_of_nothing_is_found() -> None:
     assert "energy" in names(verdict_on(replace(samples, values=samples.values * 3)))
 
 
+@pytest.mark.slow
 def test_data_that_are_not_reciprocal_are_not_for_a_reciprocal_fit() -> None:
     samples = drawn(count=40_000)
     tilted = replace(samples, values=samples.values * samples.wi[:, 2:], isotropic=True)
@@ -104,6 +105,7 @@ def test_data_that_are_not_reciprocal_are_not_for_a_reciprocal_fit() -> None:
     assert ("reciprocity" in names(crooked)) == (crooked.figures.light.reciprocity > 0.05)
 
 
+@pytest.mark.slow
 def test_outliers_noise_floor_and_cut_values_are_found() -> None:
     samples = drawn()
     spoiled = samples.values.clone()
@@ -114,6 +116,7 @@ def test_outliers_noise_floor_and_cut_values_are_found() -> None:
     assert "epsilon" not in names(verdict_on(floor, epsilon=0.2))
 
 
+@pytest.mark.slow
 def test_one_azimuth_of_an_anisotropic_material_is_found() -> None:
     samples = drawn("ward-brushed")
     flat: list[torch.Tensor] = []

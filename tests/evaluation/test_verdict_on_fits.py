@@ -92,6 +92,7 @@ def test_light_that_is_cut_counts_where_the_data_are_not_zero(share: float, foun
     assert verdict(Altered(cut), test=black).figures.errors.cut == 0
 
 
+@pytest.mark.slow
 def test_energy_at_any_azimuth_of_an_anisotropic_material() -> None:
     def along_y(values: Tensor, wi: Tensor, wo: Tensor) -> Tensor:
         return values * (1 + 4 * wi[:, 1:2] ** 2)

@@ -27,6 +27,7 @@ def room_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "LOBES", 1)
 
 
+@pytest.mark.slow
 def test_a_matte_material_is_held_and_a_retroreflector_is_warned_of() -> None:
     matte = engine_light(LAMBERT, KERNELS)
     assert list(matte.errors) == ["lamp room"]
@@ -58,6 +59,7 @@ def test_an_error_above_a_tenth_is_warned_of() -> None:
     assert "11%" in replace(made, errors={"room": 0.02, "sun": 0.112}).warning
 
 
+@pytest.mark.slow
 def test_the_table_has_the_lobes_that_it_should(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "LOBES", 2)
     assert engine_light(LAMBERT, KERNELS).table.lobes == 2

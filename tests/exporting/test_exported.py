@@ -117,6 +117,7 @@ def test_the_shaders_name_their_textures_and_how_they_are_stored(tmp_path: Path)
     assert "those of texture_0.png, texture_1.png" in (tmp_path / "out" / "brdf.c").read_text()
 
 
+@pytest.mark.slow
 def test_the_shaders_draw_and_the_manifest_says_how_well(tmp_path: Path) -> None:
     fitted = CASES["fixed h"]
     plain = exported(fitted, format_named("exr"))

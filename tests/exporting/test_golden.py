@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from slow_cases import slow_among
 
 import homofact
 from homofact.cli.main import main
@@ -90,7 +91,19 @@ def test_a_result_finds_its_samples_and_its_errors_again(name: str) -> None:
 
 
 @pytest.mark.usefixtures("rough_sampling")
-@pytest.mark.parametrize("name", VALUES)
+@pytest.mark.parametrize(
+    "name",
+    slow_among(
+        VALUES,
+        "svd_half_diff",
+        "folder_cole",
+        "mccool_png8",
+        "search_half_diff",
+        "search_anisotropic",
+        "cole_in_out",
+        "nmf",
+    ),
+)
 def test_the_commands_take_it(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(ROOT / "data_synthetic")
     out = tmp_path / "engine"

@@ -5,6 +5,7 @@
 
 import math
 
+import pytest
 import torch
 from hypothesis import given
 from hypothesis import strategies as st
@@ -88,6 +89,7 @@ def test_a_fit_is_finite_non_negative_and_reciprocal_or_refused_by_name(samples:
     assert all(bool(term.mask.any()) for term in result.terms)
 
 
+@pytest.mark.slow
 @given(brdf_samples(), settings(), st.floats(-6, 6))
 def test_a_factor_on_the_data_is_a_factor_on_the_fit(samples: Samples, chosen: McCool, decades: float) -> None:
     """A is the data's mean, so the log samples are the same, and with them the textures."""
@@ -118,6 +120,7 @@ def test_a_factor_on_the_data_is_a_factor_on_the_fit(samples: Samples, chosen: M
     )
 
 
+@pytest.mark.slow
 @given(brdf_samples(), settings())
 def test_the_order_of_the_samples_does_not_matter(samples: Samples, chosen: McCool) -> None:
     turned = samples.select(torch.arange(len(samples) - 1, -1, -1))

@@ -41,6 +41,7 @@ def many(tmp_path_factory: pytest.TempPathFactory) -> list[ChartRow]:
     return rows
 
 
+@pytest.mark.slow
 def test_both_charts_are_drawn_and_drawn_alike(many: list[ChartRow], tmp_path: Path) -> None:
     paths = write_charts(tmp_path, "a", many)
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(path.name for path in paths)
@@ -68,6 +69,7 @@ def test_every_point_has_a_label_that_is_on_no_other(draw: Any, many: list[Chart
                 assert not box.padded(-0.5).overlaps(its.padded(-0.5)), (one.get_text(), other.get_text())
 
 
+@pytest.mark.slow
 def test_shares_are_of_mccools_lowest_error_here(many: list[ChartRow]) -> None:
     worse = replace(many[0], size=4, held_out=replace(many[0].held_out, log_mse=many[0].held_out.log_mse * 3))
     rows = [worse, *many]
@@ -112,6 +114,7 @@ def test_runs_by_several_seeds_are_one_point(many: list[ChartRow]) -> None:
     assert points_of(kept)[0].textures == "1–2"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("draw", [time_chart, cost_chart])
 def test_a_bar_goes_from_the_least_to_the_greatest(draw: Any, many: list[ChartRow]) -> None:
     rows = by_seeds(many)
@@ -171,12 +174,14 @@ def test_a_ticks_number_is_plain() -> None:
     assert (plain_number(1e-7), plain_number(3e6)) == ("$10^{-7}$", r"$3\cdot10^{6}$")
 
 
+@pytest.mark.slow
 def test_no_state_of_matplotlib_is_left_changed(many: list[ChartRow], tmp_path: Path) -> None:
     before = dict(matplotlib.rcParams)
     write_charts(tmp_path, "a", many)
     assert dict(matplotlib.rcParams) == before
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("labels", [("mccool", "ggx"), ("ggx",)])
 def test_a_model_without_textures_stands_at_no_fetches_and_has_its_bytes_as_label(
     labels: tuple[str, ...], many: list[ChartRow], tmp_path: Path

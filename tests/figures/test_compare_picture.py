@@ -122,6 +122,7 @@ def test_the_scale_that_is_stated_is_the_one_that_is_drawn():
     assert _reach(np.zeros(0)) == 0.005
 
 
+@pytest.mark.slow
 def test_long_words_stay_on_the_page(tmp_path):
     path = tmp_path / "compare.png"
     long = "a-title-without-any-space-" * 6
@@ -145,6 +146,7 @@ def test_the_exposure_is_the_sources(tmp_path):
     assert other[0].clipped[1] > 0.3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("channels", ["rgb", "luminance", "spectral"])
 def test_what_was_not_measured_is_hatched_and_counts_in_no_scale(tmp_path, channels):
     samples = open_source(str(SYNTHETIC), channels=channels)

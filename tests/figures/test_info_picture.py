@@ -46,6 +46,7 @@ def test_the_picture_says_its_conditions(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["p.png"]
 
 
+@pytest.mark.slow
 def test_black_and_spectral_ones_are_drawn(tmp_path: Path) -> None:
     info_picture(tmp_path / "black.png", "black", Lambert((0.0, 0.0, 0.0)))
     five = Lambert((0.1, 0.2, 0.3, 0.4, 0.5), channels=("a", "b", "c", "d", "e"))
@@ -68,6 +69,7 @@ def test_info_draws_on_demand(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert "expected .png" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_spectral_preview_says_what_leaves_the_gamut(tmp_path: Path) -> None:
     # Nearly monochromatic green: its sRGB red is negative, which the picture clips and counts.
     names = tuple(f"{w}nm" for w in range(400, 710, 10))

@@ -171,6 +171,7 @@ def test_what_is_chosen_depends_on_what_was_measured_and_beats_chance() -> None:
     assert np.mean(off["chosen"]) > np.mean(off["chance"]) + 3
 
 
+@pytest.mark.slow
 def test_the_intervals_cover_materials_of_the_prior() -> None:
     aims, goniometer = measuring_aims(PRIOR.grid), Goniometer()
     pair = directions_of(chosen_angles(PRIOR, before_samples(PRIOR, 3), goniometer, 8))
@@ -249,6 +250,7 @@ def test_candidates_hold_the_mirror_direction_and_its_neighbours() -> None:
         assert (np.abs(theta - level) < 0.13).sum() >= 5
 
 
+@pytest.mark.slow
 def test_equal_samples_give_equal_bits() -> None:
     wi, wo = drawn(6)
     values = material(9).evaluate(wi, wo).numpy()
@@ -261,6 +263,7 @@ def test_equal_samples_give_equal_bits() -> None:
     assert (rounds[0].change, rounds[0].change_by_rings) == (rounds[1].change, rounds[1].change_by_rings)
 
 
+@pytest.mark.slow
 def test_more_measurements_leave_less_to_change() -> None:
     truth, goniometer = material(11), Goniometer(rings=20, azimuths=45)
     ring = np.concatenate(goniometer.incidences()[::3])

@@ -23,9 +23,12 @@ from homofact.methods.method import Method
 from homofact.methods.search import Search
 
 ROOT = Path(__file__).resolve().parents[2]
-pytestmark = pytest.mark.skipif(
-    platform.machine() not in ("x86_64", "AMD64"), reason="the choice of kernels is by the names of x86 processors"
-)
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(
+        platform.machine() not in ("x86_64", "AMD64"), reason="the choice of kernels is by the names of x86 processors"
+    ),
+]
 SMALL: dict[str, Any] = {"textures": 2, "size": 8, "restarts": 2, "search_samples": 300, "epsilon": 1e-5}
 FITS: dict[str, Method] = {
     "search": Search(effort=20.0, **SMALL),

@@ -47,6 +47,7 @@ def test_mccool_is_exact_on_a_product_of_its_own_kind() -> None:
     assert fit.report.status is Status.DIRECT
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("coordinates", ["in-out", "half-diff"])
 def test_cole_finds_a_planted_projection(coordinates: str) -> None:
     """One texture over a projection that no fixed list holds: the search must find its plane."""
@@ -64,6 +65,7 @@ def test_cole_finds_a_planted_projection(coordinates: str) -> None:
     assert found < 0.01 * spread
 
 
+@pytest.mark.slow
 def test_more_textures_never_hurt_and_reciprocity_holds() -> None:
     samples = _draw(_product_of_ramps, 3000)
     errors = []
@@ -77,6 +79,7 @@ def test_more_textures_never_hurt_and_reciprocity_holds() -> None:
     assert errors[0] > errors[1] > errors[2]
 
 
+@pytest.mark.slow
 def test_solving_all_terms_together_is_no_worse_than_the_last_two() -> None:
     samples = _draw(_product_of_ramps, 3000)
     common: dict[str, Any] = {"textures": 3, "size": 8, "search_size": 6, "search_samples": 1000, "restarts": 1}
@@ -112,6 +115,7 @@ def test_moving_constants_does_not_change_the_sum() -> None:
     assert problem.mean_error(solve(problem).texels) == pytest.approx(fit.report.residual, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_progress_tells_term_restart_and_a_best_that_falls() -> None:
     seen: list[FitProgress] = []
     settings = Cole(textures=2, size=6, restarts=2, search_samples=500)

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from slow_cases import slow_among
 
 from homofact.brdf.samples import Samples
 from homofact.factor.factorization import Factorization
@@ -48,7 +49,7 @@ def _same(one: Any, two: Any) -> bool:
     return all(np.array_equal(a, b) for a, b in zip(_bits(one), _bits(two), strict=True))
 
 
-@pytest.mark.parametrize("joint", [0, 1, 2])
+@pytest.mark.parametrize("joint", slow_among([0, 1, 2], 0, 2))
 def test_a_fit_that_goes_on_has_the_bits_of_one_from_the_start(searches: list[int], joint: int) -> None:
     settings = replace(SETTINGS, joint_terms=joint)
     for textures in (1, 3, 2, 3):
@@ -101,6 +102,7 @@ def test_the_seconds_of_a_search_that_was_spared_count(searches: list[int], monk
     assert again > 0.9 * first
 
 
+@pytest.mark.slow
 def test_only_the_last_few_searches_are_kept(searches: list[int]) -> None:
     for seed in range(cole_search._MOST_KEPT + 2):
         fit_cole(_samples(), replace(SETTINGS, seed=seed, restarts=1, search_samples=60))

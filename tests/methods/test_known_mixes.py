@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from slow_cases import slow_among
 from torch import Tensor
 
 from homofact.brdf.samples import Samples
@@ -95,6 +96,7 @@ def test_only_mixes_of_the_candidates_are_known() -> None:
     assert [mix.kinds for mix in table.of(1, ("wi",), True, "disc")] == [("wi",)]
 
 
+@pytest.mark.slow
 def test_the_best_known_mix_is_found_moved_into_place_and_cheaper_than_all() -> None:
     """Among fixed pairs that cannot follow the slanted line one mix is searched, and a little off."""
     right = _mix("isotropic-angles", "theta_h-theta_d")
@@ -145,7 +147,7 @@ def test_efforts_by_name_try_known_mixes_and_numbers_all(effort: str | float, kn
     assert not any("known" in note for note in outcome.notes)
 
 
-@pytest.mark.parametrize("content", [None, "{", '{"version": 0, "mixes": []}', "[]"])
+@pytest.mark.parametrize("content", slow_among([None, "{", '{"version": 0, "mixes": []}', "[]"], "{", "[]"))
 def test_without_a_table_that_can_be_used_every_mix_is_tried_and_that_is_said_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, content: str | None
 ) -> None:

@@ -4,6 +4,7 @@ from typing import Any
 
 import pytest
 import torch
+from slow_cases import slow_among
 
 import homofact
 from homofact.errors import BadInput, Status
@@ -25,7 +26,7 @@ def paint(method: Any) -> Any:
     return homofact.fit(homofact.read("material:lafortune-blue-paint", count=1500, seed=1), method)
 
 
-@pytest.mark.parametrize("name", METHODS)
+@pytest.mark.parametrize("name", slow_among(METHODS, "mccool", "search", "light"))
 def test_a_sparse_fit_is_the_dense_one(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     dense = paint(METHODS[name])
     monkeypatch.setattr(size, "MOST_DENSE", 70)
@@ -43,6 +44,7 @@ def test_a_sparse_fit_is_the_dense_one(name: str, monkeypatch: pytest.MonkeyPatc
     assert sparse.report.residual == pytest.approx(dense.report.residual, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_large_search_makes_no_dense_system(monkeypatch: pytest.MonkeyPatch) -> None:
     method = homofact.Search(size=20, textures=2, effort=3, search_size=6, search_samples=300)
     monkeypatch.setattr(size, "MOST_DENSE", 500)
@@ -64,6 +66,7 @@ def test_a_large_search_makes_no_dense_system(monkeypatch: pytest.MonkeyPatch) -
     )
 
 
+@pytest.mark.slow
 def test_layouts_of_many_bytes_are_judged_with_fewer(monkeypatch: pytest.MonkeyPatch) -> None:
     asked = []
     judged = shapes._Judge.error
@@ -81,6 +84,7 @@ def test_layouts_of_many_bytes_are_judged_with_fewer(monkeypatch: pytest.MonkeyP
     assert 500 < sum(rows * columns for rows, columns in fit.report.details["shapes"]) <= 600
 
 
+@pytest.mark.slow
 def test_steps_that_run_out_are_noted(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(size, "MOST_DENSE", 70)
     monkeypatch.setattr(sparse_solve, "MOST_STEPS", 2)

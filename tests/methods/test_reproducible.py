@@ -23,6 +23,7 @@ from homofact.methods.nmf import Nmf
 from homofact.methods.search import Search
 from homofact.methods.svd import Svd
 
+pytestmark = pytest.mark.slow
 ROOT = Path(__file__).resolve().parents[2]
 FITS: dict[str, Method] = {
     "search": Search(textures=2, size=8, search_samples=800, restarts=2, epsilon=1e-5, effort="quick"),

@@ -63,6 +63,7 @@ def test_a_robust_mccool_fit_is_that_of_the_clean_samples() -> None:
     assert light(good, test) == pytest.approx(light(clean, test), abs=0.01)
 
 
+@pytest.mark.slow
 def test_the_highlight_of_a_glossy_material_is_kept_beside_outliers() -> None:
     """The brightest tenth of the light, of a lobe of 5°: within a few per cent of what it is without outliers."""
     samples, test = drawn(GLOSSY, "lobe"), drawn(GLOSSY, "discs", 1, 20_000)
@@ -76,6 +77,7 @@ def test_the_highlight_of_a_glossy_material_is_kept_beside_outliers() -> None:
     assert mended == pytest.approx(plain, abs=0.04)
 
 
+@pytest.mark.slow
 def test_clean_samples_give_the_same_fit_to_the_bit() -> None:
     plain, robust = (Search(**SEARCH, robust=robust).fit(drawn(BROAD)) for robust in (False, True))
     test = drawn(BROAD, seed=1)
@@ -143,6 +145,7 @@ def test_the_light_s_own_descent_leaves_values_over_their_bound_alone() -> None:
     assert peak[1] < 1.15 * level
 
 
+@pytest.mark.slow
 def test_epsilon_is_the_noise_floor_where_that_is_asked_for() -> None:
     samples = drawn(BROAD)
     draw = torch.randn(samples.values.shape, generator=torch.Generator().manual_seed(3), dtype=torch.float64)

@@ -142,6 +142,7 @@ def test_the_objective_decides_what_is_small_and_energy_keeps_the_light() -> Non
     assert all(float(fit.factorization.evaluate(wi, wo).min()) >= 0 for fit in found.values())
 
 
+@pytest.mark.slow
 def test_reciprocity_is_given_up_where_the_data_are_not_reciprocal_and_kept_where_they_are() -> None:
     samples = sample_model(
         Ward((0.1, 0.1), (0.2, 0.2), alpha_x=0.3, alpha_y=0.3, channels=("R", "G")), 3000, "lobe", seed=2

@@ -96,6 +96,7 @@ def test_a_layout_keeps_its_aspect_and_its_shares() -> None:
     assert stored(round_one, ((rows, columns),)) == rows * columns + columns <= 272
 
 
+@pytest.mark.slow
 def test_texels_lie_along_the_angle_on_which_something_happens() -> None:
     samples, test = drawn(along_one_angle), drawn(along_one_angle, seed=1)
     spent = fit_search(samples, Search(bytes=4 * 144, **FAST))
@@ -108,6 +109,7 @@ def test_texels_lie_along_the_angle_on_which_something_happens() -> None:
     assert name != "theta_h-theta_d" or columns >= 2 * rows
 
 
+@pytest.mark.slow
 def test_a_texture_that_earns_nothing_is_not_stored() -> None:
     fit = fit_search(drawn(along_one_angle), Search(bytes=4 * 200, **FAST))
     assert len(fit.factorization.terms) < 3

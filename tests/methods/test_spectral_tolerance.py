@@ -111,6 +111,7 @@ def test_several_materials_under_one_search_are_refused() -> None:
         fit_shared((paint(400), paint(400)), method)
 
 
+@pytest.mark.slow
 def test_a_front_fit_answers_on_arrays_and_trains_in_all_bands(tmp_path: Path) -> None:
     method: Method = replace(METHODS["mccool"], spectral_tolerance=0.1)
     fit = homofact.fit(paint(), method)
@@ -122,6 +123,7 @@ def test_a_front_fit_answers_on_arrays_and_trains_in_all_bands(tmp_path: Path) -
     assert torch.equal(homofact.load(tmp_path / "fit.npz").evaluate(wi, wo), expected)
 
 
+@pytest.mark.slow
 def test_an_export_for_engines_says_what_is_possible(tmp_path: Path) -> None:
     fit = homofact.fit(paint(), replace(METHODS["mccool"], spectral_tolerance=0.1))
     with refused(where="channels", found="31"):

@@ -68,6 +68,7 @@ def test_the_best_fixed_mix_is_the_best_of_all_of_them(count: int) -> None:
     assert sorted(outcome.mix.kinds) == sorted(min(best, key=lambda kinds: best[kinds]))
 
 
+@pytest.mark.slow
 def test_more_textures_are_never_worse_and_only_taken_where_they_help() -> None:
     errors = [_search(FitBudget(60.0 * count**2)).run(count, (ISOTROPIC_CANDIDATES,)).mix for count in (1, 2, 3)]
     assert errors[1].error < ENOUGH * errors[0].error
@@ -86,6 +87,7 @@ def test_every_texture_more_has_to_earn_itself(textures: int, worth: float) -> N
         assert (search._best.error == error) is taken
 
 
+@pytest.mark.slow
 def test_searched_projections_find_what_fixed_ones_cannot() -> None:
     """The product has a factor on a slanted line through (θh, φd): no pair of axes is that."""
     fixed = _search(FitBudget(200)).run(2, (FIXED,)).mix
@@ -94,6 +96,7 @@ def test_searched_projections_find_what_fixed_ones_cannot() -> None:
     assert any(projection.rotation is not None for projection in found.projections)
 
 
+@pytest.mark.slow
 def test_the_budget_decides_what_is_tried_and_equal_budgets_buy_equal_mixes() -> None:
     small, again, large = FitBudget(80), FitBudget(80), FitBudget(700)
     mixes = [_search(budget).run(2, (ISOTROPIC_CANDIDATES,)).mix for budget in (small, again, large)]

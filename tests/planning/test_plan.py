@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 import torch
 from plan_cases import PAINT, QUICK, WHITE, fits_of, stage_of
+from slow_cases import slow_among
 
 from homofact.brdf.sampling import sample_model
 from homofact.brdf.source import Source
@@ -168,7 +169,7 @@ def test_equal_bytes_are_decided_by_reads_of_the_light() -> None:
 # Choices
 
 
-@pytest.mark.parametrize("light", list(NAMED))
+@pytest.mark.parametrize("light", slow_among(list(NAMED), "studio", "overcast"))
 def test_a_lambertian_material_is_one_colour_without_error(light: str) -> None:
     found = planned(fits_of(WHITE), light, 1e-5)
     assert found.walk.choice == Candidate(CONSTANT)
@@ -179,6 +180,7 @@ def test_a_lambertian_material_is_one_colour_without_error(light: str) -> None:
         assert best_colour(found.judges, of_light).diffuse == pytest.approx((0.6, 0.3, 0.1), rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_glossy_paint_costs_less_under_an_overcast_sky() -> None:
     fits = paint_fits()
     for tolerance in (0.4, 0.25):
@@ -216,6 +218,7 @@ def test_a_rung_that_cannot_be_fitted_is_passed_over() -> None:
     assert set(fits.refused.values()) == {"samples: too few, expected more"}
 
 
+@pytest.mark.slow
 def test_a_scene_is_planned_and_compared_with_one_size_for_all() -> None:
     fits_by_source = {"a": fits_of(WHITE, "a"), "b": fits_of(PAINT, "b")}
     materials = (SceneMaterial("a", 0.5), SceneMaterial("b", 0.3), SceneMaterial("a", 0.2))
@@ -231,6 +234,7 @@ def test_a_scene_is_planned_and_compared_with_one_size_for_all() -> None:
     assert found.warnings == ()
 
 
+@pytest.mark.slow
 def test_a_tolerance_holds_under_each_lighting() -> None:
     fits = paint_fits()
     stages = tuple(stage_of(name) for name in ("overcast", "sun"))
@@ -245,6 +249,7 @@ def test_a_tolerance_holds_under_each_lighting() -> None:
     assert [errors.reflected <= 0.9 / MARGINS["reflected"] for errors in both.errors] == [True, True]
 
 
+@pytest.mark.slow
 def test_all_limits_hold_and_the_one_that_is_met_worst_is_named() -> None:
     fits, stages = paint_fits(), (stage_of("studio"),)
     tolerance = Tolerance.of(delta_e=4.0, delta_e_peak=40.0)
@@ -260,6 +265,7 @@ def test_all_limits_hold_and_the_one_that_is_met_worst_is_named() -> None:
     assert mean_alone.outcome.bytes <= found.outcome.bytes
 
 
+@pytest.mark.slow
 def test_whole_texels_take_a_quarter_and_no_fit_of_their_own(tmp_path: Path) -> None:
     fits = fits_of(PAINT)
     floats, whole = Candidate("search", 1, 8), Candidate("search", 1, 8, WHOLE)
@@ -287,6 +293,7 @@ def test_whole_texels_take_a_quarter_and_no_fit_of_their_own(tmp_path: Path) -> 
     torch.testing.assert_close(open_result(folder).evaluate(wi, wo), stored.evaluate(wi, wo), rtol=1e-5, atol=1e-7)
 
 
+@pytest.mark.slow
 def test_a_plan_is_replaced_by_one_of_other_kinds(tmp_path: Path) -> None:
     fits, folder = paint_fits(), tmp_path / "plan"
     for limit, mark in ((0.5, "brdf.glsl"), (3.0, "colour.json"), (0.5, "brdf.glsl")):
@@ -303,6 +310,7 @@ def test_one_colour_is_judged_as_an_even_texture() -> None:
     torch.testing.assert_close(made.evaluate(wi, wo), WHITE.evaluate(wi, wo), rtol=1e-9, atol=0)
 
 
+@pytest.mark.slow
 def test_a_choice_has_a_verdict_and_a_colour_none_on_what_it_lacks() -> None:
     fits = paint_fits()
     found = planned(fits, "overcast", 0.4)

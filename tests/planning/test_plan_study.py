@@ -70,6 +70,7 @@ def test_visible_is_what_the_law_leaves_unseen() -> None:
         Tolerance.named("hidden")
 
 
+@pytest.mark.slow
 def test_a_visible_plan_states_the_grade_and_no_light(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     command = ["plan", str(scene(tmp_path, "material:lafortune-clay")), *QUICK, "--tolerance", "visible"]
     assert main([*command, "--json"]) == 0
@@ -87,6 +88,7 @@ def test_a_visible_plan_states_the_grade_and_no_light(tmp_path: Path, capsys: py
     assert "so the scene's lighting does not change this plan" in printed
 
 
+@pytest.mark.slow
 def test_a_limit_in_the_scene_s_file_is_met_by_more_bytes_where_it_is_tighter(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

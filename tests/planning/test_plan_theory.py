@@ -59,6 +59,7 @@ def test_light_that_is_none_is_refused() -> None:
 # Theory
 
 
+@pytest.mark.slow
 def test_the_spectra_predict_the_mean_square_over_all_turnings() -> None:
     """Σ_l E_l e_l/(2l+1) against integrals of f cosθi under the lighting turned at random 2000 times."""
     light = named_lighting("studio")
@@ -91,6 +92,7 @@ def pooled_error(judge: RepresentationEvaluator, model: Drawable, colour: Lamber
     return math.sqrt(lost / whole)
 
 
+@pytest.mark.slow
 def test_theory_of_one_colour_agrees_with_the_measured_error() -> None:
     model = BlinnPhong((0.15, 0.35, 0.15), (0.4, 0.4, 0.4), exponent=50)
     fits = fits_of(model)

@@ -91,6 +91,7 @@ def test_a_matt_material_is_one_term() -> None:
     assert found.share == pytest.approx(1)
 
 
+@pytest.mark.slow
 def test_the_share_is_what_natural_light_measures() -> None:
     phong = Phong((0.1, 0.2, 0.4), (0.4,) * 3, exponent=10)
     found = factor(phong, map_size=32)
@@ -112,6 +113,7 @@ def lamp() -> EnvironmentMap:
     return EnvironmentMap(bright.reshape(48, 96, 1))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["isotropic", "anisotropic"])
 def test_the_error_expected_under_a_light_is_what_lights_of_its_powers_measure(kind: str, lamp: EnvironmentMap) -> None:
     lobe = Phong((0.1, 0.2, 0.4), (0.4,) * 3, exponent=8)
@@ -151,6 +153,7 @@ def sharp_mean(phong: Phong) -> float:
     return (phong.diffuse[0] + phong.specular[0] * 2 / 3) / math.pi
 
 
+@pytest.mark.slow
 def test_a_lobe_that_no_few_terms_can_hold_is_blurred_and_keeps_its_light() -> None:
     """Sharper than any grid of nodes: on a grid its samples would be hit or miss."""
     sharp = Phong((0.05,) * 3, (0.5,) * 3, exponent=20_000)
@@ -167,6 +170,7 @@ def test_a_lobe_that_no_few_terms_can_hold_is_blurred_and_keeps_its_light() -> N
     assert (peaks.abs() < 15).all()
 
 
+@pytest.mark.slow
 def test_an_anisotropic_lobe_is_followed() -> None:
     brushed = AshikhminShirley((0.1,) * 3, (0.4,) * 3, nu=8, nv=40)
     found = factor(brushed, 48, map_size=32)

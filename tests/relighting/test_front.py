@@ -19,6 +19,7 @@ ROOT = Path(__file__).resolve().parents[2]
 WHITE = Lambert((1.0,) * 3)
 
 
+@pytest.mark.slow
 def test_it_is_the_transport_that_the_parts_make() -> None:
     found = homofact.relight(knot(), SHINY, terms=6, map_size=32, cube=8, kept=50)
     made = Relit(transport(found.mesh, shiny(), TransportSettings(8, kept=50), occluder()))
@@ -34,6 +35,7 @@ def test_it_is_the_transport_that_the_parts_make() -> None:
     assert np.array_equal(found.tuples, made.tuples)
 
 
+@pytest.mark.slow
 def test_a_white_ball_in_white_light_is_white() -> None:
     found = homofact.relight("shape:sphere", WHITE, cube=16, tolerance=0.0)
     found.relight("uniform")
@@ -42,6 +44,7 @@ def test_a_white_ball_in_white_light_is_white() -> None:
     assert found.shade((0, 0, 50))[seen] == pytest.approx(1, abs=0.02)
 
 
+@pytest.mark.slow
 def test_what_stands_beside_it_throws_shadows_on_it() -> None:
     floor = ground(1.5, -1.0, 4)
     sums = []
@@ -57,6 +60,7 @@ def test_what_stands_beside_it_throws_shadows_on_it() -> None:
     assert corner > 0.6 * open_corner
 
 
+@pytest.mark.slow
 def test_terms_are_reckoned_for_the_light_that_is_named() -> None:
     of_studio, of_uniform = (
         homofact.relight(ball(), SHINY, error=0.05, light=name, cube=8, map_size=8).transport.factors
@@ -66,6 +70,7 @@ def test_terms_are_reckoned_for_the_light_that_is_named() -> None:
     assert of_studio.expected_error <= 0.05
 
 
+@pytest.mark.slow
 def test_files_are_read_and_blocks_kept(tmp_path: Path) -> None:
     told = []
     arguments = {"terms": 1, "map_size": 8, "cube": 8, "folder": tmp_path / "blocks"}

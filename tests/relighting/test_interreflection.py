@@ -99,7 +99,9 @@ def test_the_polynomials_are_orthonormal_under_the_cosine(nodes: tuple[np.ndarra
     np.testing.assert_allclose((found * flux) @ found.T, np.eye(15), atol=1e-3)
 
 
-@pytest.mark.parametrize("reflectance", [SHINY, BRUSHED], ids=["isotropic", "anisotropic"])
+@pytest.mark.parametrize(
+    "reflectance", [SHINY, pytest.param(BRUSHED, marks=pytest.mark.slow)], ids=["isotropic", "anisotropic"]
+)
 def test_the_response_is_the_integral_of_each(reflectance: Reflectance, nodes: tuple[np.ndarray, np.ndarray]) -> None:
     w, flux = nodes
     maps = torch.from_numpy(smooth_response(reflectance, 3, 48)).permute(1, 2, 0, 3).double()
@@ -168,6 +170,7 @@ def test_the_back_of_a_surface_is_dark() -> None:
     assert not between.received(ball.positions[0], frames(ball.normals)[0], 1).any()
 
 
+@pytest.mark.slow
 def test_matt_surfaces_send_what_the_sum_in_full_has(made: tuple[RelightScene, tuple[RelitObject, ...]]) -> None:
     scene, objects = made
     around = sending_surfaces(scene)
@@ -181,6 +184,7 @@ def test_matt_surfaces_send_what_the_sum_in_full_has(made: tuple[RelightScene, t
         assert found.sum() == pytest.approx(expected.sum(), rel=0.04)
 
 
+@pytest.mark.slow
 def test_errors_are_against_light_with_the_bounce(made: tuple[RelightScene, tuple[RelitObject, ...]]) -> None:
     scene, objects = made
     stages = ("bounce", "together", "picture")
@@ -203,6 +207,7 @@ def without_bounce(each: RelitObject) -> object:
     return replace(each.transport, factors=replace(factors, view=view))
 
 
+@pytest.mark.slow
 def test_suns_are_sent_on_too(tmp_path: Path) -> None:
     sun = "[[sun]]\ndirection = [0.5, 0.7, 0.4]\nirradiance = [4.0, 3.0, 2.0]\n"
     scene, objects = relit(tmp_path, SCENE.replace("cube = 8", "cube = 16") + sun)
@@ -248,6 +253,7 @@ def test_the_terms_of_f_stay_what_they_are(made: tuple[RelightScene, tuple[Relit
     assert factors.share == pytest.approx(1, abs=0.01)
 
 
+@pytest.mark.slow
 def test_glossy_materials_answer_by_several_polynomials(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(build, "factored", factored_once)
     scene = open_relight_scene(
@@ -289,6 +295,7 @@ def geometry(mesh: Mesh) -> Geometry:
     return Geometry(mesh.positions, mesh.normals, mesh.triangles)
 
 
+@pytest.mark.slow
 def test_mitsuba_has_the_same_of_one_bounce(made: tuple[RelightScene, tuple[RelitObject, ...]]) -> None:
     pytest.importorskip("mitsuba")
     scene, objects = made

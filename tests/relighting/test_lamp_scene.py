@@ -118,6 +118,7 @@ def truths(made: Made) -> list[tuple[np.ndarray, np.ndarray]]:
     return found
 
 
+@pytest.mark.slow
 def test_pixels_have_the_light_of_the_lamp_s_surface(truths: list[tuple[np.ndarray, np.ndarray]]) -> None:
     for (shown, right), most in zip(truths, (0.06, 0.03), strict=True):
         assert relative(shown, right) < most
@@ -147,6 +148,7 @@ def test_the_stated_error_is_within_1_3_of_the_truth(made: Made, truths: list[tu
     assert all(value > 0.08 for value in worse.errors.values())
 
 
+@pytest.mark.slow
 def test_surfaces_send_the_light_of_the_lamp_on(tmp_path: Path) -> None:
     """A matt ball and the ground light each other: by the terms as by the full sum."""
     matt = SCENE.replace('material = "material:phong-30"\nterms = 4\nlobe = "factored"', "albedo = [0.7, 0.5, 0.2]")
@@ -191,6 +193,7 @@ def test_a_picture_has_the_lamp_itself(made: Made) -> None:
     assert shown.max() < radiance.max() / 4
 
 
+@pytest.mark.slow
 def test_mitsuba_has_the_same_light(made: Made) -> None:
     pytest.importorskip("mitsuba")
     scene, objects = made

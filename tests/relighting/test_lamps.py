@@ -123,7 +123,7 @@ def test_only_what_is_before_a_lamp_hides_it() -> None:
     ("model", "most"),
     [
         (material("phong-30").model, 0.04),
-        (Ward((0.1,) * 3, (0.3, 0.2, 0.1), 0.3, 0.1), 0.05),
+        pytest.param(Ward((0.1,) * 3, (0.3, 0.2, 0.1), 0.3, 0.1), 0.05, marks=pytest.mark.slow),
         (material("car-paint-red").model, 0.06),
     ],
     ids=["isotropic", "anisotropic", "sharp"],

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import torch
 from relighting_cases import EYE, ball, knot, light, occluder
+from slow_cases import slow_among
 
 import homofact
 from homofact.brdf.analytic import AshikhminShirley, Phong
@@ -74,7 +75,7 @@ def points(own: SeenVertices) -> SurfacePoints:
 
 
 @pytest.mark.parametrize("material", [ROUND, GRAINED], ids=["round", "grained"])
-@pytest.mark.parametrize("sky", ["studio", "lamp"])
+@pytest.mark.parametrize("sky", slow_among(["studio", "lamp"], "studio"))
 def test_a_sum_is_that_of_every_texel(material: Reflectance, sky: str) -> None:
     """Of a lamp of one texel, which lights half of it, and of soft boxes: over vertices that the eye sees."""
     radiance = studio() if sky == "studio" else lamp()
@@ -204,6 +205,7 @@ def test_what_is_seen_is_kept_for_a_later_run(tmp_path: Path) -> None:
         assert str(caught.value.where).endswith("sight.npz")
 
 
+@pytest.mark.slow
 def test_a_mesh_relit_with_its_lobe_apart_is_right_where_terms_are_not() -> None:
     """A lobe that 4 terms lose: against the dense sum of all of f; and light changes at once or stepwise."""
     radiance = studio()
@@ -225,12 +227,14 @@ def test_a_mesh_relit_with_its_lobe_apart_is_right_where_terms_are_not() -> None
     assert homofact.relight(knot(), ROUND, terms=4, cube=8).lobe is None
 
 
+@pytest.mark.slow
 def test_in_the_dark_a_mesh_is_black() -> None:
     made = homofact.relight(ball(), ROUND, lobe="separate", cube=8, kept=10)
     assert isinstance(made, RelitMesh)
     assert not made.shade(EYE).any()
 
 
+@pytest.mark.slow
 def test_a_picture_has_the_lobe_at_every_pixel() -> None:
     """Pixels that see the knot alone: the sum at their own points, whatever the light between vertices is."""
     made = factored(ROUND, "separate", terms=1)

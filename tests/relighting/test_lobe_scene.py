@@ -52,6 +52,7 @@ def ready(tmp_path_factory: pytest.TempPathFactory) -> RelightScene:
     return open_relight_scene(read(tmp_path_factory.mktemp("scene")))
 
 
+@pytest.mark.slow
 def test_the_ledger_is_of_the_whole_picture(ready: RelightScene) -> None:
     """`picture` within 1.3 of a sum that is written apart: the lobe at pixels, the rest mixed between vertices."""
     relit = relit_objects(ready)
@@ -74,6 +75,7 @@ def test_the_ledger_is_of_the_whole_picture(ready: RelightScene) -> None:
     assert np.linalg.norm(rest - exact) > 0.3 * np.linalg.norm(exact)
 
 
+@pytest.mark.slow
 def test_a_folder_holds_the_lobe_to_the_bit(ready: RelightScene, tmp_path: Path) -> None:
     relit = relit_objects(ready)
     assert relit[0].form == "all frequencies, separate lobe"
@@ -129,6 +131,7 @@ def test_what_a_file_says_wrong_of_a_lobe_is_named(tmp_path: Path, said: str, wh
     assert where in f"{caught.value.where}"
 
 
+@pytest.mark.slow
 def test_a_tolerance_is_met_with_the_lobe_apart_where_terms_alone_do_not(tmp_path: Path) -> None:
     """Of a narrow lobe: few terms, the error that is measured within the tolerance, fewer bytes than the terms take."""
     text = (

@@ -123,6 +123,7 @@ def test_the_width_is_that_of_the_lobe() -> None:
     assert half_width(MATT) == pytest.approx(1)
 
 
+@pytest.mark.slow
 def test_an_isotropic_lobe_has_one_azimuth_and_a_grained_one_its_period() -> None:
     grained = lobe_table(GRAINED)
     assert (grained.turns, grained.period) == (TURNS, math.pi)
@@ -146,6 +147,7 @@ def test_a_view_beyond_the_last_angle_is_raised_to_it() -> None:
     assert lobe.evaluate(wi, last).any()
 
 
+@pytest.mark.slow
 def test_a_few_terms_hold_the_rest() -> None:
     """Of a lobe that 256 terms do not hold within 5%, one holds the rest within 2%; errors are of the whole light."""
     shared = factored(ROUND, "factored", error=ERROR)
@@ -163,6 +165,7 @@ def test_a_few_terms_hold_the_rest() -> None:
     assert shared.part(ROUND) is ROUND
 
 
+@pytest.mark.slow
 def test_when_a_lobe_stands_apart() -> None:
     assert factored(MATT).lobe is None
     assert factored(MATT, "separate").lobe is not None
@@ -172,6 +175,7 @@ def test_when_a_lobe_stands_apart() -> None:
     assert factored(ROUND).lobe is not None
 
 
+@pytest.mark.slow
 def test_the_rest_on_maps_of_several_sizes_is_the_same() -> None:
     small, large = separated(ROUND, (16, 32), terms=2)
     assert (small.factors.view.shape[1], large.factors.view.shape[1]) == (16, 32)

@@ -88,6 +88,7 @@ def wavy(tmp_path_factory: pytest.TempPathFactory) -> Case:
     return opened(folder, "terms = 3", GROUND + SUN, 1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("metallic", [0.0, 1.0])
 def test_a_constant_tilt_is_the_square_with_turned_normals(tmp_path: Path, metallic: float) -> None:
     """Under a sky that both horizons leave whole; and the sum over every texel says so too."""
@@ -118,6 +119,7 @@ def test_the_full_sum_is_that_of_its_definition(tmp_path: Path) -> None:
     np.testing.assert_allclose(seen.points.dense(light, 8), expected, rtol=1e-5)
 
 
+@pytest.mark.slow
 def test_halves_of_a_map_are_those_of_the_two_maps(tmp_path: Path) -> None:
     found = []
     for pixels in (halves(FLAT, tilted(25, 60)), halves(FLAT, FLAT), halves(tilted(25, 60), tilted(25, 60))):
@@ -183,6 +185,7 @@ def test_nodes_of_tilts_lie_in_the_disc() -> None:
     assert np.hypot(*np.array(tilt_nodes(0.5)).T).max() == pytest.approx(0.575)
 
 
+@pytest.mark.slow
 def test_errors_are_of_the_mapped_surface(wavy: Case) -> None:
     scene, objects = wavy
     stages = ("terms", "maps", "normals", "lobe", "suns", "bounce", "truncation", "together", "rim", "picture")
@@ -256,6 +259,7 @@ def test_damaged_maps_are_refused(wavy: Case, tmp_path: Path, name: str, value: 
         open_relit(tmp_path / "relit")
 
 
+@pytest.mark.slow
 def test_a_plan_has_a_separate_lobe_and_tilted_terms(tmp_path: Path) -> None:
     written(tmp_path / "part.glb", waves(), 0.0, 0.4)
     text = SCENE.format(lines="", more="", bounces=0).replace("kept = 384\nbounces = 0\n", "")

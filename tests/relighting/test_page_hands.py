@@ -13,6 +13,8 @@ from relit_scene import SIZE
 from homofact.relighting import cube
 from homofact.relighting.page.build import write_page
 
+pytestmark = pytest.mark.slow
+
 
 def press(driver: Any, keys: str, *, shift: bool = False) -> dict[str, Any]:
     from selenium.webdriver.common.action_chains import ActionChains

@@ -19,6 +19,8 @@ from homofact.relighting.picture import surface_points
 from homofact.rendering.tonemap import encode_srgb
 from homofact.scene.cameras import Camera
 
+pytestmark = pytest.mark.slow
+
 WIDTH, HEIGHT = 80, 60
 APART = (0, 1)
 

@@ -15,6 +15,8 @@ from homofact.relighting.errors import relative
 from homofact.relighting.result import RelightResult
 from homofact.relighting.scene_file import read_relight_scene
 
+pytestmark = pytest.mark.slow
+
 # The first lamp is beside the objects and has one shadow map, the second is among them and has six.
 SCENE = """
 [[object]]

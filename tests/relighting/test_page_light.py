@@ -17,11 +17,13 @@ from homofact.relighting.relight import Relit, light_coefficients
 from homofact.rendering.light import EnvironmentMap
 
 
+@pytest.mark.slow
 def test_light_and_view_are_the_library_s(page: Any) -> None:
     check_tuples(page, relit_scene.scene().skies[0].cube)
     check_colours(page, relit_scene.scene().skies[0].cube)
 
 
+@pytest.mark.slow
 def test_vectors_are_in_falling_order_of_magnitude(page: Any) -> None:
     """So that the page's N largest are the first N; of equals the one of the lower place first."""
     for number, given in enumerate(relit_scene.scene().objects):
@@ -37,6 +39,7 @@ def test_vectors_are_in_falling_order_of_magnitude(page: Any) -> None:
         assert np.array_equal(numbers, basis.number[order])
 
 
+@pytest.mark.slow
 def test_another_sky_and_a_turned_one(page: Any) -> None:
     sky = relit_scene.scene().skies[1]
     change(page, sky=1)
@@ -49,6 +52,7 @@ def test_another_sky_and_a_turned_one(page: Any) -> None:
     check_tuples(page, cube.environment_cube(sky.environment(math.radians(ANGLE)), SIZE))
 
 
+@pytest.mark.slow
 def test_a_turned_sky_is_resampled_beside_the_page(page: Any) -> None:
     """In a worker, the newest turn alone; where no worker may start, the page does it itself."""
     sky = relit_scene.scene().skies[0]
@@ -76,6 +80,7 @@ def test_a_turned_sky_is_resampled_beside_the_page(page: Any) -> None:
     check_tuples(page, cube.environment_cube(sky.environment(math.radians(ANGLE)), SIZE))
 
 
+@pytest.mark.slow
 def test_a_worker_that_fails_leaves_its_turn_to_the_page(page: Any) -> None:
     page.execute_script(
         "const v = homofact.view, t = v.turner; window.held = t.worker;"
@@ -88,6 +93,7 @@ def test_a_worker_that_fails_leaves_its_turn_to_the_page(page: Any) -> None:
     page.execute_script("homofact.view.turner = new homofact.view.turner.constructor(homofact.view.turner.done)")
 
 
+@pytest.mark.slow
 def test_a_coarse_sky_is_asked_at_points(page: Any) -> None:
     picture = relit_scene.sky_picture(3, rows=16).astype(np.float32)
     found = page.execute_script(
@@ -99,6 +105,7 @@ def test_a_coarse_sky_is_asked_at_points(page: Any) -> None:
     assert off(np.array(found).reshape(expected.shape), expected) < 1e-6
 
 
+@pytest.mark.slow
 def test_another_view(page: Any) -> None:
     for across, up in ((40, 12), (110, -22)):
         page.execute_script("homofact.view.orbit.turn(...arguments); homofact.changed('moving')", across, up)
@@ -106,6 +113,7 @@ def test_another_view(page: Any) -> None:
         check_colours(page, relit_scene.scene().skies[0].cube)
 
 
+@pytest.mark.slow
 def test_terms_and_coefficients_by_their_sliders(page: Any) -> None:
     light = relit_scene.scene().skies[0].cube
     for terms in (1, 2):
@@ -121,6 +129,7 @@ def test_terms_and_coefficients_by_their_sliders(page: Any) -> None:
     check_tuples(page, relit_scene.scene().skies[1].cube, steps[place + 2])
 
 
+@pytest.mark.slow
 def test_a_change_in_pieces_is_the_library_s_at_every_step(page: Any) -> None:
     """On the ground, whose vectors are its own: Overbeck's order is the library's then."""
     given, skies = relit_scene.scene().objects[1], relit_scene.scene().skies
@@ -143,6 +152,7 @@ def test_a_change_in_pieces_is_the_library_s_at_every_step(page: Any) -> None:
     assert off(found, tuples(given, skies[1].cube)[:, 0]) < 2e-6
 
 
+@pytest.mark.slow
 def test_clusters_converge_in_pieces_to_the_exact_sum(page: Any) -> None:
     """The largest changes first: half of the error is gone after an eighth of the coefficients."""
     knot, sky = relit_scene.scene().objects[0], relit_scene.scene().skies[1]
@@ -157,6 +167,7 @@ def test_clusters_converge_in_pieces_to_the_exact_sum(page: Any) -> None:
     assert page.execute_script("return homofact.view.relit.pending") == 0
 
 
+@pytest.mark.slow
 def test_pending_coefficients_are_counted_on_the_page(page: Any) -> None:
     # A machine that no budget suits: a chunk a frame, and the picture is exact in the end all the same.
     # What the line said is noted as it changes: a look now and then may miss all of it.
@@ -204,6 +215,7 @@ def drop(driver: Any, name: str, data: bytes) -> str:
     )
 
 
+@pytest.mark.slow
 def test_a_dropped_hdr_lights_the_scene(page: Any) -> None:
     data, radiance = hdr(relit_scene.sky_picture(5))
     light = EnvironmentMap(torch.from_numpy(radiance))
@@ -216,6 +228,7 @@ def test_a_dropped_hdr_lights_the_scene(page: Any) -> None:
     assert names == ["one", "two", "new sky", "Open .hdr …"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "damage", "said"),
     [
@@ -232,6 +245,7 @@ def test_a_bad_file_is_named_and_the_light_stays(page: Any, name: str, damage: A
     check_tuples(page, relit_scene.scene().skies[0].cube)
 
 
+@pytest.mark.slow
 def test_flat_pixels_and_old_runs_are_read(page: Any) -> None:
     head = b"#?RADIANCE\n\n-Y 2 +X 4\n"
     pixels = bytes((10, 20, 30, 129, 1, 1, 1, 3, 40, 50, 60, 130, 1, 1, 1, 3))

@@ -112,6 +112,7 @@ def test_tables_and_sight_are_in_the_page(file: Path) -> None:
         assert np.array_equal(words.view("<u8"), each.lobe.sight.plain)
 
 
+@pytest.mark.slow
 def test_they_are_the_same_in_the_browser(lobes: Any) -> None:
     for number in APART:
         given = relit_lobes.scene().objects[number].lobe
@@ -126,6 +127,7 @@ def test_they_are_the_same_in_the_browser(lobes: Any) -> None:
         assert np.array_equal(bits, given.sight.plain.astype("<u8").view(np.uint8))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", cube.SIZES)
 def test_cells_are_the_library_s(lobes: Any, size: int) -> None:
     radiance = cube.environment_cube(EnvironmentMap(torch.from_numpy(sky_picture(4))), size).astype(np.float32)
@@ -143,6 +145,7 @@ def test_cells_are_the_library_s(lobes: Any, size: int) -> None:
     assert cells[:, 4:7] == pytest.approx(expected.light, rel=1e-5)
 
 
+@pytest.mark.slow
 def test_the_processor_s_sum_is_the_library_s(lobes: Any) -> None:
     check_lobes(lobes, relit_lobes.scene().skies[0].cube)
     for across, up in ((60, 20), (150, -30)):
@@ -151,6 +154,7 @@ def test_the_processor_s_sum_is_the_library_s(lobes: Any) -> None:
         check_lobes(lobes, relit_lobes.scene().skies[0].cube)
 
 
+@pytest.mark.slow
 def test_another_sky_a_turned_one_and_a_file_light_the_lobes(lobes: Any) -> None:
     sky = relit_lobes.scene().skies[1]
     change(lobes, sky=1)
@@ -165,6 +169,7 @@ def test_another_sky_a_turned_one_and_a_file_light_the_lobes(lobes: Any) -> None
     check_lobes(lobes, cube.environment_cube(read_environment(SKY), SIZE))
 
 
+@pytest.mark.slow
 def test_lobes_have_all_of_a_new_light_before_the_terms_do(lobes: Any) -> None:
     pending = lobes.execute_script(
         "const v = homofact.view; v.lightBudget = 0; v.state.sky = 1; v.changed('light'); v.frame(0);"
@@ -177,6 +182,7 @@ def test_lobes_have_all_of_a_new_light_before_the_terms_do(lobes: Any) -> None:
     headless.settled(lobes)
 
 
+@pytest.mark.slow
 def test_the_card_s_sum_is_the_processor_s(lobes: Any) -> None:
     for number, given in enumerate(relit_lobes.scene().objects):
         processor, card = page_colours(lobes, number)
@@ -186,6 +192,7 @@ def test_the_card_s_sum_is_the_processor_s(lobes: Any) -> None:
         assert relative(processor, expected) < 1e-2
 
 
+@pytest.mark.slow
 def test_the_lobe_alone_is_at_vertices_where_pixels_have_the_terms(lobes: Any) -> None:
     change(lobes, "picture", interpolation="pixel")
     for number in APART:
@@ -194,6 +201,7 @@ def test_the_lobe_alone_is_at_vertices_where_pixels_have_the_terms(lobes: Any) -
         assert relative(card[facing], expected[facing]) < 1e-2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("interpolation", ["vertex", "pixel"])
 def test_the_vertices_of_the_coarse_picture_have_the_lobe_of_all(lobes: Any, interpolation: str) -> None:
     change(lobes, "picture", interpolation=interpolation)
@@ -208,6 +216,7 @@ def test_the_vertices_of_the_coarse_picture_have_the_lobe_of_all(lobes: Any, int
     assert np.array_equal(np.array(few).reshape(-1, 3), np.array(whole).reshape(-1, 3)[chosen])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("interpolation", ["vertex", "pixel"])
 def test_pixels_at_vertices_have_the_lobes(lobes: Any, interpolation: str) -> None:
     change(lobes, "light-shown", interpolation=interpolation, curve="srgb", stops=-1)
@@ -226,6 +235,7 @@ def test_pixels_at_vertices_have_the_lobes(lobes: Any, interpolation: str) -> No
     assert np.median(apart[1][on]) > 12
 
 
+@pytest.mark.slow
 def test_the_figures_have_the_lobes(lobes: Any) -> None:
     assert statistics(lobes)["error"] < 2e-3
     given = relit_lobes.scene()
@@ -237,6 +247,7 @@ def test_the_figures_have_the_lobes(lobes: Any) -> None:
     assert statistics(lobes)["below"] == pytest.approx(below, rel=1e-2, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_only_an_object_with_a_lobe_has_its_code(lobes: Any) -> None:
     lobes.execute_script("for (const each of homofact.view.stage.objects) each.programs.clear()")
     for interpolation in ("vertex", "pixel"):
@@ -255,6 +266,7 @@ def test_only_an_object_with_a_lobe_has_its_code(lobes: Any) -> None:
             assert ("u_sight" in text) == (has and key.startswith("SHADES"))
 
 
+@pytest.mark.slow
 def test_a_page_without_lobes_has_no_cells(page: Any) -> None:
     assert page.execute_script("return homofact.view.stage.cells") is None
     change(page, turn=ANGLE)

@@ -16,6 +16,8 @@ from homofact.relighting.errors import relative
 from homofact.relighting.result import RelightResult
 from homofact.relighting.scene_file import read_relight_scene
 
+pytestmark = pytest.mark.slow
+
 SCENE = """
 [[object]]
 mesh = "metal.glb"

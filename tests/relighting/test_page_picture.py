@@ -35,6 +35,7 @@ def test_pixels_at_vertices_are_the_library_s_colours(page: Any, interpolation: 
     assert np.quantile(apart, 0.9) < 16
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("turn", [0.0, ANGLE])
 def test_the_sky_behind_is_the_light_as_it_is_turned(page: Any, turn: float) -> None:
     page.execute_script("homofact.view.orbit.turn(70, -16)")
@@ -58,6 +59,7 @@ def test_the_sky_behind_is_the_light_as_it_is_turned(page: Any, turn: float) -> 
     assert np.median(np.abs(picture[rows[above], columns[above]] - expected)) < 3
 
 
+@pytest.mark.slow
 def test_light_below_zero_is_signalled_and_its_share_said(page: Any) -> None:
     change(page, "picture", stops=3)
     plain = seen_pixels(page, relit_scene.scene().objects)[2]
@@ -73,6 +75,7 @@ def test_light_below_zero_is_signalled_and_its_share_said(page: Any) -> None:
     assert statistics(page)["below"] == pytest.approx(below, rel=1e-2)
 
 
+@pytest.mark.slow
 def test_the_error_against_the_reference(page: Any, reference: PageReference) -> None:
     given = relit_scene.scene()
 
@@ -101,6 +104,7 @@ def test_the_error_against_the_reference(page: Any, reference: PageReference) ->
     assert statistics(page)["error"] is None
 
 
+@pytest.mark.slow
 def test_the_reference_beside_the_picture(page: Any) -> None:
     """A reference that is brighter by a tenth: the left of the split and all of the reference show it."""
     objects = relit_scene.scene().objects
@@ -125,6 +129,7 @@ def test_the_reference_beside_the_picture(page: Any) -> None:
     assert (shown["difference"][-1, 0] == (0x15, 0x16, 0x1A)).all()
 
 
+@pytest.mark.slow
 def test_a_moving_picture_is_drawn_of_fewer_triangles_and_the_one_at_rest_of_all(page: Any) -> None:
     page.execute_script(
         "const v = homofact.view, draw = v.stage.draw; window.drawn = [];"
@@ -137,6 +142,7 @@ def test_a_moving_picture_is_drawn_of_fewer_triangles_and_the_one_at_rest_of_all
     assert drawn[-1] == [True, False]
 
 
+@pytest.mark.slow
 def test_the_vertices_of_the_coarse_picture_shine_as_all_do(page: Any) -> None:
     whole_, coarse, triangles = page.execute_script(
         "const v = homofact.view, o = v.stage.objects[0]; o.shade(v); const all = Array.from(o.read());"
@@ -149,6 +155,7 @@ def test_the_vertices_of_the_coarse_picture_shine_as_all_do(page: Any) -> None:
     assert page.execute_script("return homofact.view.stage.objects[1].coarse") is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("state", [{}, {"interpolation": "pixel"}, {"show": "reference"}])
 def test_the_coarse_picture_is_nearly_the_whole_one(page: Any, state: dict[str, str]) -> None:
     change(page, "picture", **state)

@@ -77,6 +77,7 @@ def page(opened: Any) -> Any:
     return opened
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("interpolation", "suns"), [("vertex", True), ("pixel", False), ("pixel", True)])
 def test_pixels_have_the_colours_of_the_textures(
     page: Any, scene: RelightResult, interpolation: str, suns: bool
@@ -94,6 +95,7 @@ def test_pixels_have_the_colours_of_the_textures(
     assert np.abs(found - wanted[:, ::-1]).max(-1)[cover & cover[:, ::-1]].mean() > 20
 
 
+@pytest.mark.slow
 def test_vertices_have_them_on_processor_and_card(page: Any, scene: RelightResult) -> None:
     for suns in (True, False):
         change(page, "light-shown", suns=suns)
@@ -110,6 +112,7 @@ def test_vertices_have_them_on_processor_and_card(page: Any, scene: RelightResul
         assert relative(np.array(one).reshape(-1, 3)[facing], np.array(other).reshape(-1, 3)[facing]) < 0.02
 
 
+@pytest.mark.slow
 def test_a_reference_is_compared_at_vertices(page: Any) -> None:
     """Beside it the page's own texture is that of the vertices too: what differs is no finer texture."""
     headless.settled(page)

@@ -245,6 +245,7 @@ def test_light_must_be_light() -> None:
         relit.shade((0.0, np.nan, 1.0))
 
 
+@pytest.mark.slow
 def test_blocks_on_disk_are_mapped_and_bound_the_memory(tmp_path: Path) -> None:
     """With a folder nothing of the long arrays is held; the bits are those of a run without one."""
     mesh = sphere(48)

@@ -139,6 +139,7 @@ def polygon_irradiance(point: np.ndarray, face: np.ndarray) -> float:
     return abs(total)
 
 
+@pytest.mark.slow
 @needs_mitsuba
 def test_a_block_takes_away_the_light_that_it_hides() -> None:
     geometry, faces = box_on_ground()
@@ -158,6 +159,7 @@ def test_a_block_takes_away_the_light_that_it_hides() -> None:
     assert float(np.abs(wrong).max()) < 4 * float(found.error[open_ground, 0].max()) < 0.02
 
 
+@pytest.mark.slow
 @needs_mitsuba
 def test_rays_start_the_offset_above_the_vertex_and_no_more() -> None:
     """A plate as small as a crumb, 0.001 over the vertex, hides the zenith from below it alone."""
@@ -183,6 +185,7 @@ def test_rays_start_the_offset_above_the_vertex_and_no_more() -> None:
     assert above.radiance[0, 0] == pytest.approx(math.sin(math.radians(22.5)) ** 2, rel=0.02)
 
 
+@pytest.mark.slow
 @needs_mitsuba
 @pytest.mark.parametrize("turned", [False, True], ids=["Wang's tangents", "tangents given"])
 def test_an_anisotropic_sphere_has_its_highlight_along_its_tangents(turned: bool) -> None:
@@ -204,6 +207,7 @@ def test_an_anisotropic_sphere_has_its_highlight_along_its_tangents(turned: bool
     assert off(found, expected) < 0.01 + 2 * found.noise
 
 
+@pytest.mark.slow
 @needs_mitsuba
 def test_measured_and_fitted_materials_shine_as_their_reflectance_does(tmp_path: Path) -> None:
     """Mitsuba's own `measured`, and homofact's traced fit, beside the evaluation through memory."""
@@ -217,6 +221,7 @@ def test_measured_and_fitted_materials_shine_as_their_reflectance_does(tmp_path:
         assert off(own, asked.radiance) < 2 * math.hypot(own.noise, asked.noise)
 
 
+@pytest.mark.slow
 @needs_mitsuba
 def test_the_same_seed_gives_the_same_bits() -> None:
     runs = [vertex_radiance(of(shapes.sphere(4)), WHITE, studio(), (0, 0, 3), 16, 2, seed=s) for s in (3, 3, 4)]
@@ -224,6 +229,7 @@ def test_the_same_seed_gives_the_same_bits() -> None:
     assert not np.array_equal(runs[0].radiance, runs[2].radiance)
 
 
+@pytest.mark.slow
 @needs_mitsuba
 def test_some_vertices_are_those_of_all() -> None:
     sphere, which = of(shapes.sphere(4)), np.array([7, 2, 5, 11])
@@ -234,6 +240,7 @@ def test_some_vertices_are_those_of_all() -> None:
     assert 0 < some.seen.sum() < 4
 
 
+@pytest.mark.slow
 @needs_mitsuba
 @pytest.mark.parametrize("tangent", [(1.0, 0.0, 0.0), (0.0, 0.0, 1.0)])
 def test_a_picture_shows_what_the_vertices_send(tangent: tuple[float, float, float]) -> None:

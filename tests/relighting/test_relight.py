@@ -195,6 +195,7 @@ def sky() -> EnvironmentMap:
     return EnvironmentMap(radiance)
 
 
+@pytest.mark.slow
 def test_the_ledger_names_each_stage_by_itself() -> None:
     made = transport(knot(), shiny(), TransportSettings(8, kept=24), occluder())
     compact = clustered(made, 4, 100, 3)

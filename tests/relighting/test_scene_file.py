@@ -103,6 +103,7 @@ def test_a_mesh_is_turned_scaled_and_moved_with_its_normals(tmp_path: Path) -> N
         assert found == pytest.approx(turned + ((0.5, 1, -2) if found is mesh.positions else 0), abs=1e-12)
 
 
+@pytest.mark.slow
 def test_what_the_file_says_of_factors_and_clusters_is_asked_for(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -234,6 +235,7 @@ def small_scene(folder: Path, text: str) -> tuple[dict[str, np.ndarray], dict[st
     return arrays, header
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["clusters", "harmonics", "neither"])
 def test_a_damaged_scene_is_refused_in_a_line_or_shown(kind: str, tmp_path: Path) -> None:
     """Every array and every entry of the header, each damaged in every way."""
@@ -396,6 +398,7 @@ def test_a_share_beside_a_tolerance_is_refused(tmp_path: Path) -> None:
     assert read(tmp_path, PLANNED.replace("albedo = [0.5]", "albedo = [0.5]\nterms = 1")).objects[0].terms == 1
 
 
+@pytest.mark.slow
 def test_a_planned_scene_keeps_its_forms_in_the_folder(tmp_path: Path) -> None:
     """An overcast sky over matt things: nine numbers a vertex, there and back."""
     scene = read(tmp_path, PLANNED.replace("studio", "overcast").replace("0.1", "0.03"))
@@ -426,6 +429,7 @@ def test_a_planned_scene_keeps_its_forms_in_the_folder(tmp_path: Path) -> None:
             open_relit(tmp_path / "out")
 
 
+@pytest.mark.slow
 def test_terms_follow_the_rule_that_is_named(tmp_path: Path) -> None:
     shiny = 'material = "material:phong-10"'
     counts = {}

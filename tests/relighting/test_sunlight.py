@@ -9,6 +9,7 @@ import pytest
 import torch
 from refusals import refused
 from relighting_cases import factored_once
+from slow_cases import slow_among
 
 from homofact.brdf.analytic import Lambert, Phong
 from homofact.brdf.materials import material
@@ -82,13 +83,17 @@ def turned_pairs(count: int) -> tuple[torch.Tensor, torch.Tensor]:
 
 @pytest.mark.parametrize(
     ("name", "count", "most"),
-    [
-        ("phong-10", 1, 0.02),
-        ("phong-30", 2, 0.02),
-        ("car-paint-red", 2, 0.01),
-        ("ashikhmin-shirley-wang", 2, 0.05),
-        ("ward-brushed", 2, 0.05),
-    ],
+    slow_among(
+        [
+            ("phong-10", 1, 0.02),
+            ("phong-30", 2, 0.02),
+            ("car-paint-red", 2, 0.01),
+            ("ashikhmin-shirley-wang", 2, 0.05),
+            ("ward-brushed", 2, 0.05),
+        ],
+        "ashikhmin-shirley-wang",
+        "ward-brushed",
+    ),
 )
 def test_tables_add_up_to_the_material(name: str, count: int, most: float) -> None:
     model: Reflectance = material(name).model
@@ -141,6 +146,7 @@ def test_flat_triangles_of_a_round_surface_do_not_shade_themselves() -> None:
     assert (flat.seen([sun], occluder, 4)[lit, 0] < 1).any()
 
 
+@pytest.mark.slow
 def test_the_ground_has_the_sun_s_light_or_the_ball_s_shadow(made: Made) -> None:
     scene, objects = made
     (sun,) = scene.file.suns
@@ -192,6 +198,18 @@ def test_a_sun_stands_in_the_sky_behind(made: Made) -> None:
     assert (cover == 0).all()
     solid = math.radians(4.0) ** 2 / 64**2
     assert ((shown - 1).sum((0, 1)) * solid) == pytest.approx(LEVELS, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("name", "radius", "count"), [("phong-30", 0.27, 1), ("phong-30", 6, 16), ("car-paint-red", 6, 64)]
+)
+def test_a_disc_wider_than_a_lobe_is_asked_at_several_directions(
+    name: str, radius: float, count: int, made: Made
+) -> None:
+    each = made[1][0]
+    assert each.sunlight is not None
+    sunlight = replace(each.sunlight, tables=sun_tables(material(name).model))
+    assert sunlight.directions(Sun(TOWARDS, LEVELS, math.radians(radius)), each.mesh.positions) == count
 
 
 def test_the_stated_error_has_the_suns(made: Made) -> None:

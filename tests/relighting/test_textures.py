@@ -128,6 +128,7 @@ def test_the_part_of_a_lobe_that_is_tinted() -> None:
     assert lobe_table(MODELS["metal"]).tinted is None
 
 
+@pytest.mark.slow
 def test_terms_of_the_two_parts_add_up(tmp_path: Path) -> None:
     reflectance, (wi, wo) = Tinted.of(MODELS["half"]), pairs()
     made = factored(reflectance, "factored", terms=4).factors
@@ -179,6 +180,7 @@ def cases(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
     return found
 
 
+@pytest.mark.slow
 def test_each_half_of_a_ball_is_the_ball_of_its_colour(cases: list[Case]) -> None:
     """Under the sky, a sun and light from the ground alike; near the edges of a half the two mix."""
     (seen, found), *others = (pixels_of(*case) for case in cases)
@@ -198,6 +200,7 @@ def textured_uv(case: Case) -> np.ndarray:
     return tint.uv
 
 
+@pytest.mark.slow
 def test_errors_are_of_the_textured_surface(cases: list[Case]) -> None:
     scene, objects = cases[0]
     assert isinstance(scene.objects[0].material.reflectance, MetallicRoughness)
@@ -256,6 +259,7 @@ def test_damaged_textures_are_refused(
         open_relit(tmp_path / "relit")
 
 
+@pytest.mark.slow
 def test_a_plan_has_both_parts(tmp_path: Path) -> None:
     written(tmp_path / "ball.glb", *GLOSS)
     text = SCENE.format(mesh="ball.glb", lobe="auto", terms=0) + "[tolerance]\nreflected = 0.1\n"
@@ -269,6 +273,7 @@ def test_a_plan_has_both_parts(tmp_path: Path) -> None:
     assert (choice.material.lobe is None) == (choice.plan.chosen.of_lobe is None)
 
 
+@pytest.mark.slow
 def test_a_textured_part_keeps_its_model_and_says_nothing(tmp_path: Path) -> None:
     """Editing asks for the model; relighting for its two parts."""
     scene = opened(tmp_path, GLOSS, "factored", terms=1)
@@ -280,6 +285,7 @@ def test_a_textured_part_keeps_its_model_and_says_nothing(tmp_path: Path) -> Non
     assert black.tinted is None
 
 
+@pytest.mark.slow
 def test_a_material_has_its_texture_where_the_mesh_has_coordinates(tmp_path: Path) -> None:
     """The same part as the material of a mesh without coordinates, which comes first, and of its own mesh."""
     written(tmp_path / "ball.glb", *GLOSS)

@@ -117,6 +117,7 @@ def planned(reflected: float, light: str = "studio", kind: str = "shiny") -> Obj
     return plan_object(knot(), kind, model, occluder(), sky, EYE, reflected, TransportSettings(CUBE), seed=0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reflected", [0.15, 0.05])
 def test_a_plan_holds_at_vertices_that_it_has_not_seen(reflected: float) -> None:
     plan = planned(reflected)
@@ -140,6 +141,7 @@ def test_a_wider_tolerance_is_cheaper() -> None:
     assert planned(0.15).chosen.terms <= planned(0.05).chosen.terms
 
 
+@pytest.mark.slow
 def test_smooth_light_takes_nine_numbers_and_a_lamp_does_not() -> None:
     smooth, sharp = planned(0.02, "overcast", "matt"), planned(0.02, "lamp", "matt")
     assert smooth.chosen.form == "harmonics to order 2"
@@ -154,12 +156,14 @@ def test_smooth_light_takes_nine_numbers_and_a_lamp_does_not() -> None:
     assert smooth.chosen.bytes == compact.nbytes + smooth.factored.factors.view.nbytes
 
 
+@pytest.mark.slow
 def test_equal_seed_equal_plan() -> None:
     sky = named_environment("overcast")
     again = plan_object(knot(), "matt", MATT, occluder(), sky, EYE, 0.02, TransportSettings(CUBE), seed=0)
     assert again.choices == planned(0.02, "overcast", "matt").choices
 
 
+@pytest.mark.slow
 def test_terms_that_are_given_stay_and_what_cannot_be_met_is_said() -> None:
     plan = plan_object(knot(), "shiny", SHINY, occluder(), STUDIO, EYE, 0.01, TransportSettings(CUBE), terms=2, seed=0)
     assert plan.chosen.terms == 2
@@ -170,11 +174,13 @@ def test_terms_that_are_given_stay_and_what_cannot_be_met_is_said() -> None:
     assert plan.chosen.error > 0.008
 
 
+@pytest.mark.slow
 def test_an_object_that_no_camera_sees_is_planned_all_the_same() -> None:
     plan = plan_object(knot(), "matt", MATT, occluder(), STUDIO, (0.0, 0.0, 0.0), 0.1, TransportSettings(8), seed=0)
     assert plan.met
 
 
+@pytest.mark.slow
 def test_no_light_is_refused() -> None:
     below = knot().positions[:, 1].min()
     lamp = STUDIO.radiance.clone() * 0

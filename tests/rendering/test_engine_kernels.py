@@ -46,6 +46,7 @@ def sky(light: EnvironmentMap) -> FilteredSky:
     return FilteredSky.of(light, KERNELS)
 
 
+@pytest.mark.slow
 def test_a_sky_filtered_where_it_is_read_is_what_a_chain_holds() -> None:
     light, own = lamps(), own_kernels(64)
     chain, direct = chain_of(light, 64), FilteredSky.of(light, own)
@@ -56,6 +57,7 @@ def test_a_sky_filtered_where_it_is_read_is_what_a_chain_holds() -> None:
     assert torch.allclose(direct.lit.read(n, level), direct.read(n, torch.full_like(level, 3)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["phong-30", "lafortune-blue-paint"])
 def test_in_a_furnace_it_is_the_sum_of_the_shares(name: str) -> None:
     found = response(name)
@@ -68,6 +70,7 @@ def test_in_a_furnace_it_is_the_sum_of_the_shares(name: str) -> None:
     assert torch.allclose(data.radiance(n, wo), expected, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_shares_below_0_take_ggx_s_tails_off(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of a lobe of short tails, which no sum of GGX's has; and what is reflected is never below 0."""
     found, model = response("phong-30"), material("phong-30").model
@@ -93,6 +96,7 @@ def test_a_matte_surface_needs_no_lobe() -> None:
     assert found.shares[:, -1].flatten().tolist() == pytest.approx([0.6] * split_sum.COLUMNS, abs=0.02)
 
 
+@pytest.mark.slow
 def test_the_grain_is_found_and_the_lobes_stand_across_it() -> None:
     found = brushed()
     assert found.across == pytest.approx(GRAIN, abs=0.02)
@@ -103,6 +107,7 @@ def test_the_grain_is_found_and_the_lobes_stand_across_it() -> None:
     assert torch.equal(left * left.new_tensor((1, 1, -1)), right)
 
 
+@pytest.mark.slow
 def test_a_streak_is_nearer_with_its_grain_than_turned_or_round() -> None:
     found, exact = brushed(), render_filtered(Planted(streak), lamps(), 48)
 
@@ -118,6 +123,7 @@ def test_a_streak_is_nearer_with_its_grain_than_turned_or_round() -> None:
     assert off(GRAIN, 0) > 1.1 * right
 
 
+@pytest.mark.slow
 def test_equal_bits() -> None:
     one, two = (response_of(Planted(streak), KERNELS) for _ in range(2))
     assert all(np.array_equal(a, b) for a, b in zip(one[:2], two[:2], strict=True))

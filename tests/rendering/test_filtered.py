@@ -38,6 +38,7 @@ def off(found: Tensor, expected: Tensor) -> float:
     return float((found - expected).norm() / expected.norm())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("model", "samples", "bound"),
     [
@@ -109,6 +110,7 @@ def test_a_mirror_shows_the_surroundings() -> None:
     assert float(torch.corrcoef(torch.stack((found[middle].reshape(-1), seen[middle].reshape(-1))))[0, 1]) > 0.95
 
 
+@pytest.mark.slow
 def test_channels_of_light_and_material() -> None:
     grey, red = Lambert((0.5,), channels=("Y",)), EnvironmentMap(torch.tensor([[[1.0, 0.0, 0.0]]]).double())
     image = render_filtered(grey, red, 16)
@@ -120,6 +122,7 @@ def test_channels_of_light_and_material() -> None:
     assert coloured.radiance[8, 8].tolist() == pytest.approx([0.5, 1, 0], abs=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("x", "y", "bound"), [(0.3, 0.3, 0.02), (0.15, 0.3, 0.03), (0.3, 0.1, 0.05)])
 def test_brushed_materials_agree_with_sampled_ones(x: float, y: float, bound: float) -> None:
     brushed = Ward((0.1,) * 3, (0.3, 0.2, 0.1), x, y)
@@ -133,6 +136,7 @@ def test_brushed_materials_agree_with_sampled_ones(x: float, y: float, bound: fl
     assert (off(other.radiance[inside], expected.radiance[inside]) > 2 * bound) is (x != y)
 
 
+@pytest.mark.slow
 def test_environments_are_filtered_and_lamps_are_not() -> None:
     light, model = blocks(), Ward((0.1,) * 3, (0.3,) * 3, 0.1, 0.1)
     assert torch.equal(draw_sphere(model, light, 16).radiance, render_filtered(model, light, 16).radiance)

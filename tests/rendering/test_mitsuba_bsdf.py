@@ -29,6 +29,7 @@ from mitsuba_cases import (
     vectors,
 )
 from shading_cases import SEPARABLE
+from slow_cases import slow_among
 
 import homofact
 from homofact.factor.factorization import Factorization
@@ -71,7 +72,7 @@ def test_it_evaluates_as_the_factorization(
     assert float(relative[int(0.999 * len(relative))]) < 1e-3
 
 
-@pytest.mark.parametrize("name", ["paint", "phong", "ward", "sharp"])
+@pytest.mark.parametrize("name", slow_among(["paint", "phong", "ward", "sharp"], "phong", "ward"))
 def test_fits_evaluate_as_in_python(mi: Any, fits: dict[str, Path], name: str) -> None:
     wi, wo = pairs(20_000)
     expected = Factorization.load(fits[name]).evaluate(wi, wo) * wi[:, 2:]
@@ -95,6 +96,7 @@ def test_sums_of_products_evaluate_as_in_python(mi: Any, tmp_path: Path, name: s
     assert mi.has_flag(bsdf.flags(), mi.BSDFFlags.Anisotropic)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["svd", "nmf"])
 def test_fitted_sums_of_products_are_drawn_and_weighted_alike(mi: Any, tmp_path: Path, method: str) -> None:
     """What `sample` weighs adds up to the albedo; textures are parameters."""
@@ -108,6 +110,7 @@ def test_fitted_sums_of_products_are_drawn_and_weighted_alike(mi: Any, tmp_path:
     assert keys == [f"texture_{k}" for k in range(len(fit.textures))]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["paint", "ward"])
 def test_the_scalar_variant_evaluates_the_same(fits: dict[str, Path], name: str) -> None:
     mi = variant("scalar_rgb")
@@ -125,6 +128,7 @@ def test_the_scalar_variant_evaluates_the_same(fits: dict[str, Path], name: str)
         assert float(pdf) == pytest.approx(float(density[k]), rel=1e-3)
 
 
+@pytest.mark.slow
 def test_one_channel_is_grey(mi: Any, tmp_path: Path) -> None:
     fit = factorization((searched("half-diff"), random_texture(6, 7, channels=1)), mean=(0.4,))
     wi, wo = pairs(500)
@@ -134,6 +138,7 @@ def test_one_channel_is_grey(mi: Any, tmp_path: Path) -> None:
     assert torch.allclose(found, expected.expand(-1, 3), rtol=1e-3)
 
 
+@pytest.mark.slow
 def test_a_row_of_texels_is_a_texture(mi: Any, tmp_path: Path) -> None:
     fit = factorization((fixed_projection("theta_h", True), random_texture(1, 9)))
     wi, wo = pairs(500)
@@ -150,6 +155,7 @@ def test_mono_is_luminance(fits: dict[str, Path]) -> None:
     assert torch.allclose(found, expected, rtol=1e-3)
 
 
+@pytest.mark.slow
 def test_importance_is_transported_the_other_way(mi: Any, tmp_path: Path) -> None:
     fit = factorization((searched("in-out", reciprocal=False), random_texture(8, 8)))
     wi, wo = pairs(500)
@@ -194,6 +200,7 @@ def sphere(mi: Any, bsdf: Any, size: int, light: dict[str, Any]) -> Any:
     return mi.load_dict(scene | {"ball": {"type": "sphere", "bsdf": bsdf}})
 
 
+@pytest.mark.slow
 def test_a_furnace_shows_the_albedo(mi: Any, fits: dict[str, Path]) -> None:
     """A sphere within radiance 1, seen in parallel: each pixel is the albedo at its angle."""
     size = 16
@@ -207,7 +214,7 @@ def test_a_furnace_shows_the_albedo(mi: Any, fits: dict[str, Path]) -> None:
         assert image[8, column].tolist() == pytest.approx(albedo(fit, at(degrees)).tolist(), rel=0.03)
 
 
-@pytest.mark.parametrize("name", ["scalar_rgb", "llvm_ad_rgb", "llvm_ad_mono"])
+@pytest.mark.parametrize("name", slow_among(["scalar_rgb", "llvm_ad_rgb", "llvm_ad_mono"], "scalar_rgb"))
 def test_it_renders_by_its_name(fits: dict[str, Path], name: str) -> None:
     mi = variant(name)
     mi.set_log_level(mi.LogLevel.Error)

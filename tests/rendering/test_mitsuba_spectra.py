@@ -21,6 +21,7 @@ from mitsuba_cases import (
     variant,
     vectors,
 )
+from slow_cases import slow_among
 from torch import Tensor
 
 import homofact
@@ -76,7 +77,7 @@ FITS = {
 }
 
 
-@pytest.fixture(params=FITS)
+@pytest.fixture(params=slow_among(FITS, "sum of products"))
 def fit(request: pytest.FixtureRequest) -> Fitted:
     return FITS[request.param]()
 

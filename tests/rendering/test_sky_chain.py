@@ -16,6 +16,7 @@ from homofact.rendering.light import EnvironmentMap
 from homofact.rendering.sky_chain import LAST, chain_of, own_kernels, sides_of
 
 
+@pytest.mark.slow
 def test_lobes_are_of_flux_one_and_the_last_is_the_cosine() -> None:
     gamma = (np.arange(200_000) + 0.5) * (math.pi / 2 / 200_000)
     for alpha in own_kernels(256).alphas:
@@ -40,6 +41,7 @@ def test_other_sides_are_refused(side: int) -> None:
         chain_of(gradient(), side)
 
 
+@pytest.mark.slow
 def test_every_level_of_a_gradient_is_known() -> None:
     """Of 1 + s·ω the mean over cosᵖ is 1 + (p + 1)/(p + 2) s·m, on the last level E/π = 1 + ⅔ s·n."""
     slope, known = (0.3, 0.4, -0.2), chain("gradient", 64)
@@ -50,6 +52,7 @@ def test_every_level_of_a_gradient_is_known() -> None:
         assert torch.allclose(level, expected, rtol=6e-3)
 
 
+@pytest.mark.slow
 def test_every_level_of_a_band_is_known() -> None:
     """Of 3z² the mean is 1 + P2(z) times that of 2 P2 over cosᵖ, (3 (p + 1)/(p + 3) − 1)."""
     sky = gradient((0.0, 0.0, 1.0), 128)
@@ -76,6 +79,7 @@ def averaged(light: EnvironmentMap, towards: Tensor, alpha: float) -> Tensor:
     return weight @ light.radiance.reshape(-1, light.radiance.shape[2]) / weight.sum(1, keepdim=True)
 
 
+@pytest.mark.slow
 def test_lamps_are_averaged_as_by_brute_force() -> None:
     light = lamps(rows=128)
     known = chain_of(light, 32)
@@ -89,6 +93,7 @@ def test_lamps_are_averaged_as_by_brute_force() -> None:
         assert float((averaged(light, d, 1.3 * alpha) - expected).norm() / expected.norm()) > 0.04
 
 
+@pytest.mark.slow
 def test_bright_light_is_scaled_into_half_floats() -> None:
     radiance = lamps().radiance.clone()
     radiance[10, 20] = 1e8
@@ -101,6 +106,7 @@ def test_bright_light_is_scaled_into_half_floats() -> None:
     assert torch.allclose(*dark, rtol=1e-2)
 
 
+@pytest.mark.slow
 def test_bytes_are_those_of_half_floats() -> None:
     constant = chain("constant")
     assert constant.nbytes == 8 * 6 * (32**2 + 16**2 + 8**2 + 32**2)

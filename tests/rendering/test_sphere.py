@@ -142,6 +142,7 @@ def test_furnace_returns_the_albedo():
     torch.testing.assert_close(image.radiance[inside].mean(0), 3 * ALBEDO, rtol=2e-3, atol=0)
 
 
+@pytest.mark.slow
 def test_environment_agrees_with_brute_force_on_a_gloss():
     """Three sets of directions, weighted, against a plain sum over the map's texels."""
     rows = 96

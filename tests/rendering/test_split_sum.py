@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import torch
 from skies import LAMBERT, Planted, chain, lamps, normals
+from slow_cases import slow_among
 from torch import Tensor
 from webgpu import Gpu, Image, glslang, wgsl_main
 
@@ -54,6 +55,7 @@ def albedo(reflectance: Reflectance, cosine: Tensor) -> Tensor:
     return (values.reshape(*angles.shape, -1) * (wi[..., 2] * angles)[..., None]).sum(1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["lafortune-blue-paint", "phong-30"])
 def test_the_table_keeps_the_albedo(name: str) -> None:
     found, model = response(name), material(name).model
@@ -65,6 +67,7 @@ def test_the_table_keeps_the_albedo(name: str) -> None:
     assert torch.allclose(found.shares.sum(1)[5::8], albedo(model, cosine), rtol=1.5e-2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reflectance", [LAMBERT, material("cook-torrance-plastic").model], ids=["lambert", "plastic"])
 def test_in_a_furnace_it_is_the_albedo(reflectance: Reflectance) -> None:
     data = prefiltered(response_of(reflectance, own_kernels(32)), chain("constant"))
@@ -75,6 +78,7 @@ def test_in_a_furnace_it_is_the_albedo(reflectance: Reflectance) -> None:
     assert torch.allclose(data.radiance(n, wo)[seen], expected, rtol=1e-2)
 
 
+@pytest.mark.slow
 def test_a_matte_surface_has_the_irradiance_and_no_lobe() -> None:
     """Of L = 1 + s·ω it is π (1 + ⅔ s·n)."""
     slope, found = (0.3, 0.4, -0.2), response_of(LAMBERT, own_kernels(SIDE))
@@ -84,6 +88,7 @@ def test_a_matte_surface_has_the_irradiance_and_no_lobe() -> None:
     assert torch.allclose(prefiltered(found, sky("gradient")).radiance(n, wo), 0.6 * expected, rtol=1e-2)
 
 
+@pytest.mark.slow
 def test_a_narrow_lobe_shows_the_light_itself() -> None:
     """Where the light changes little over the lobe: L at the mirror direction times the albedo, every way round."""
     slope = (0.3, 0.4, -0.2)
@@ -97,13 +102,16 @@ def test_a_narrow_lobe_shows_the_light_itself() -> None:
     assert torch.allclose(data.radiance(n, wo)[clear], expected, rtol=2.5e-2)
 
 
+@pytest.mark.slow
 def test_a_black_material_reflects_nothing() -> None:
     found = response_of(Planted(lambda wi, wo: torch.zeros_like(wi[:, 0])), own_kernels(32))
     assert float(found.shares.abs().max()) == 0
     assert torch.isfinite(found.lobes).all()
 
 
-@pytest.mark.parametrize(("name", "most"), [("lafortune-blue-paint", 0.03), ("phong-30", 0.025)])
+@pytest.mark.parametrize(
+    ("name", "most"), slow_among([("lafortune-blue-paint", 0.03), ("phong-30", 0.025)], "lafortune-blue-paint")
+)
 def test_the_sphere_is_near_the_exact_one(name: str, most: float) -> None:
     exact = render_filtered(material(name).model, lamps(), 48)
     data = prefiltered(response(name), sky())
@@ -113,6 +121,7 @@ def test_the_sphere_is_near_the_exact_one(name: str, most: float) -> None:
         assert compared(picture(replace(data, sky=sky(wrong)), 48), exact) > 2 * most
 
 
+@pytest.mark.slow
 def test_what_looks_different_by_channel_and_angle_wants_two_lobes() -> None:
     """A wide coloured lobe and a narrow white one."""
 
@@ -164,6 +173,7 @@ def test_what_is_no_picture_is_refused() -> None:
         response_of(LAMBERT, own_kernels(100))
 
 
+@pytest.mark.slow
 def test_equal_bits() -> None:
     one, two = (response_of(Planted(blob), own_kernels(32), 1) for _ in range(2))
     assert all(torch.equal(a, b) for a, b in zip(one[:2], two[:2], strict=True))

@@ -155,6 +155,7 @@ def test_float32_is_answered_in_float32(loaded: dict[str, homofact.Fit]) -> None
         assert float(np.median(np.abs(found - exact) / np.maximum(exact, 1e-6))) < 2e-6
 
 
+@pytest.mark.slow
 def test_no_more_than_numpy_and_numba_is_loaded(tmp_path: Path) -> None:
     (tmp_path / "fits").mkdir()
     chosen = ("five of all kinds", "in-out, polar, two", "six channels", *MODELS)

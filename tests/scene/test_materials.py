@@ -52,6 +52,7 @@ def no_fits(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
     return monkeypatch
 
 
+@pytest.mark.slow
 def test_a_saved_fit_is_known_by_what_it_holds_whatever_its_name(tmp_path: Path, no_fits: object) -> None:
     fit = homofact.fit("material:phong-10", homofact.McCool(size=4))
     fit.save(tmp_path / "paint.npz")
@@ -68,6 +69,7 @@ def test_a_named_material_is_asked_itself(no_fits: object) -> None:
     )
 
 
+@pytest.mark.slow
 def test_a_fit_stands_for_a_file_and_is_kept(tmp_path: Path, paint: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     told: list[object] = []
     kept = tmp_path / "kept"
@@ -92,6 +94,7 @@ def test_a_fit_stands_for_a_file_and_is_kept(tmp_path: Path, paint: Path, monkey
     assert torch.equal(again.fit.evaluate(UP, UP), found.reflectance.evaluate(UP, UP))
 
 
+@pytest.mark.slow
 def test_a_file_that_has_changed_or_another_method_is_fitted_anew(
     tmp_path: Path, paint: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -105,12 +108,14 @@ def test_a_file_that_has_changed_or_another_method_is_fitted_anew(
     assert third.fit.textures[0].size == (5, 5)
 
 
+@pytest.mark.slow
 def test_nothing_is_written_unless_asked_for(tmp_path: Path, paint: Path) -> None:
     FileFits(tmp_path / "kept").of(str(paint))
     FileFits().of(str(paint))
     assert sorted(tmp_path.iterdir()) == [paint]
 
 
+@pytest.mark.slow
 def test_a_fit_of_that_name_without_errors_is_refused(tmp_path: Path, paint: Path) -> None:
     fits = FileFits(tmp_path / "kept", True)
     place = tmp_path / "kept" / fits.of(str(paint)).name
@@ -120,6 +125,7 @@ def test_a_fit_of_that_name_without_errors_is_refused(tmp_path: Path, paint: Pat
     assert str(place) in str(caught.value)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", ["relight", "edit"])
 def test_a_scene_keeps_the_fit_of_its_file(
     tmp_path: Path, paint: Path, command: str, monkeypatch: pytest.MonkeyPatch

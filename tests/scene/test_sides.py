@@ -81,6 +81,7 @@ def test_a_bowl_from_above_is_no_black_patch(tmp_path: Path, command: str) -> No
     assert (middle.max(2) > 40).all()
 
 
+@pytest.mark.slow
 def test_from_below_it_stays_as_it_is(tmp_path: Path) -> None:
     scene = write(tmp_path, "[transport]\ncube = 8\nkept = 8\n")
     scene.write_text(scene.read_text().replace("eye = [0.2, 4.0, 0.3]", "eye = [0.2, -4.0, 0.3]"))

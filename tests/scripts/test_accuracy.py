@@ -26,6 +26,7 @@ def test_left_out_samples_and_left_out_rings_disagree_on_garnet(capsys: pytest.C
     assert found[two, "rings"] > found[one, "rings"]
 
 
+@pytest.mark.slow
 def test_the_shared_basis_is_held_against_textures_of_ones_own(capsys: pytest.CaptureFixture[str]) -> None:
     importlib.import_module("scripts.sweeps.shared_basis").main(["--short"])
     text = capsys.readouterr().out
@@ -40,6 +41,7 @@ def test_the_shared_basis_is_held_against_textures_of_ones_own(capsys: pytest.Ca
     assert all(0 < float(line[1]) <= float(line[2]) for line in (*basis, *own))
 
 
+@pytest.mark.slow
 def test_a_straightened_measurement_has_a_lower_floor_and_a_nearer_fit(capsys: pytest.CaptureFixture[str]) -> None:
     importlib.import_module("scripts.accuracy.straightening").main(["--short"])
     tilt, fit = (line for line in rows(capsys.readouterr().out) if line[0] == "vch_golden_yellow")

@@ -143,6 +143,7 @@ def test_the_race_is_won_by_who_reaches_first(
     assert at_5[0]["nlopt-PRAXIS"] == "—"
 
 
+@pytest.mark.slow
 def test_every_search_races_from_the_same_start(
     script: Callable[[str], ModuleType], capsys: pytest.CaptureFixture[str]
 ) -> None:

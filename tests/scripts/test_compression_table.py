@@ -257,6 +257,7 @@ def test_speeds_are_written_and_stand_in_the_table(
     assert [line.split("|")[1].strip() for line in text.splitlines()[2:]] == ["abc", "GGX × 1"]
 
 
+@pytest.mark.slow
 @needs_data
 def test_seeds_and_limits_are_written_and_stand_in_the_table(
     script: Callable[[str], ModuleType], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -286,6 +287,7 @@ def test_seeds_and_limits_are_written_and_stand_in_the_table(
     assert "| pvc | few | 0 | 32 |" in table.limits(table.rows_of(tmp_path / limits.FILE))
 
 
+@pytest.mark.slow
 @needs_data
 def test_what_is_done_is_not_done_again(
     script: Callable[[str], ModuleType],

@@ -5,11 +5,13 @@ import tomllib
 from pathlib import Path
 
 import numpy as np
+import pytest
 from PIL import Image
 
 ROOT = Path(__file__).parents[2]
 
 
+@pytest.mark.slow
 def test_the_plastic_has_a_highlight_and_the_paint_has_none(tmp_path: Path) -> None:
     demo = importlib.import_module("scripts.pictures.demo_picture")
     assert demo.main(["--short", "--out", str(tmp_path / "demo.png")]) == 0

@@ -9,6 +9,7 @@ import torch
 from homofact.errors import BadInput
 
 
+@pytest.mark.slow
 def test_the_cpu_gives_its_own_answers(script: Callable[[str], ModuleType], capsys: pytest.CaptureFixture[str]) -> None:
     assert script("speed.device").main(["--device", "cpu", "--short", "--only", "normal"]) == 0
     (row,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("| normal equations")]

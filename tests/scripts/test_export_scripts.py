@@ -49,6 +49,7 @@ def test_costs_of_shaders(script, capsys: pytest.CaptureFixture[str]) -> None:
     assert dearest[10] == 2 * 16 * 16 * 8
 
 
+@pytest.mark.slow
 def test_the_noise_of_sampling(script, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     variant("llvm_ad_rgb")
     main = script("engines.sampling_noise").main
@@ -69,6 +70,7 @@ def test_the_noise_of_sampling(script, tmp_path: Path, capsys: pytest.CaptureFix
     assert picture[0] == "phong"
 
 
+@pytest.mark.slow
 def test_whole_texels(script, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert (
         script("accuracy.quantization").main(["--short", "--data", str(tmp_path), "--out", str(tmp_path / "q.md")]) == 0
@@ -101,6 +103,7 @@ def narrow(full: NeuralBrdf) -> SimpleNamespace:
     return SimpleNamespace(weights=weights, biases=(full.biases[0][:WIDTH], full.biases[1][:WIDTH], full.biases[2]))
 
 
+@pytest.mark.slow
 def test_the_compiled_network_is_the_network(script) -> None:
     """Of the network whose other neurons are of no weight."""
     wi, wo = draw_uniform(3000, torch.Generator().manual_seed(1))
@@ -114,6 +117,7 @@ def test_the_compiled_network_is_the_network(script) -> None:
     assert float(torch.quantile(error, 0.99)) < 1e-4
 
 
+@pytest.mark.slow
 def test_a_network_learns_either_loss(script) -> None:
     module = script("speed.network_program")
     samples = sample_model(material("lafortune-clay").model, 4000, "discs", 0)
@@ -165,6 +169,7 @@ def test_errors_of_the_split_sum(script, tmp_path: Path, capsys: pytest.CaptureF
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 def test_the_nearest_part_of_the_knot_is_seen(script) -> None:
     found = script("engines.knot").Knot.of(48)
     assert float((found.normals.norm(dim=1) - 1).abs().max()) < 1e-12
@@ -186,6 +191,7 @@ def test_the_nearest_part_of_the_knot_is_seen(script) -> None:
     assert np.quantile(angles, 0.1) > 0.9
 
 
+@pytest.mark.slow
 def test_the_knot_reflects_what_its_normals_say(script) -> None:
     found = script("engines.knot").Knot.of(16)
     sky, slope = gradient(rows=256), torch.tensor((0.3, 0.4, -0.2), dtype=torch.float64)

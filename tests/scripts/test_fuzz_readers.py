@@ -19,6 +19,7 @@ def fuzzer(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     return importlib.import_module("scripts.checks.fuzz_readers")
 
 
+@pytest.mark.slow
 def test_a_short_run_finds_nothing(fuzzer: ModuleType, capsys: pytest.CaptureFixture[str]) -> None:
     assert fuzzer.main(["--count", "90", "--seed", "5"]) == 0
     lines = {line.split()[0]: line for line in capsys.readouterr().out.splitlines()}
@@ -28,6 +29,7 @@ def test_a_short_run_finds_nothing(fuzzer: ModuleType, capsys: pytest.CaptureFix
         assert "no whole file" not in line or name == "rgl"
 
 
+@pytest.mark.slow
 def test_undamaged_files_are_read(fuzzer: ModuleType, tmp_path: Path) -> None:
     for name, raw in fuzzer.whole_files(tmp_path).items():
         reader = next(each for each in READERS if name == each.NAME)

@@ -31,6 +31,7 @@ def ball(side: int, level: float) -> SphereImage:
     return SphereImage(level * torch.ones(side, side, 3, dtype=torch.float64), coverage)
 
 
+@pytest.mark.slow
 def test_the_left_half_is_the_source_and_the_right_half_the_fit(hero: ModuleType) -> None:
     side = hero.FINER * hero.SIDE
     pair = hero.Pair("a paint", "a kind", ball(side, 0.2), ball(side, 2.0), 9216)

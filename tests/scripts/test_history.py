@@ -40,6 +40,7 @@ def test_the_last_line_of_another_version_counts() -> None:
     assert risen([LINE], [_now(rms=0.5)]) == []
 
 
+@pytest.mark.slow
 def test_lines_are_appended_read_back_checked_and_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     kept, plot = tmp_path / "history.csv", tmp_path / "history.png"
     words = ["--short", "--write", "--csv", str(kept), "--data", str(tmp_path)]

@@ -22,6 +22,7 @@ ROOT = Path(__file__).resolve().parents[2]
 SYNTHETIC = ROOT / "data_synthetic" / "synthetic_cornell.brdf"
 
 
+@pytest.mark.slow
 def test_rings_are_left_out_whole(script: Callable[[str], ModuleType], tmp_path: Path) -> None:
     module = script("accuracy.left_out_rings")
     samples = open_source(str(SYNTHETIC)).samples
@@ -105,6 +106,7 @@ def test_the_albedo_of_bins_is_that_of_what_they_measure(script: Callable[[str],
     assert module.main(["--short", "--data", str(tmp_path)]) == 0
 
 
+@pytest.mark.slow
 def test_more_is_held_against_the_best_with_fewer(script: Callable[[str], ModuleType], tmp_path: Path) -> None:
     module = script("accuracy.more_is_never_worse")
     one = module.Fitted(1, 1, 16, 1.0, 0.2, 1.0)
@@ -118,6 +120,7 @@ def test_more_is_held_against_the_best_with_fewer(script: Callable[[str], Module
     assert out.read_text(encoding="utf-8").count("| lafortune-blue-paint |") == 4
 
 
+@pytest.mark.slow
 def test_a_sum_of_products_is_one_reflectance(script: Callable[[str], ModuleType], tmp_path: Path) -> None:
     module = script("accuracy.sums_of_products")
     parts = Lambert((0.2,), channels=("Y",)), Lambert((0.3,), channels=("Y",))

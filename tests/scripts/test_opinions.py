@@ -82,6 +82,7 @@ def test_the_noise_of_thirty_people_bounds_the_rank_correlation(script: Script) 
     assert narrow < 0.5
 
 
+@pytest.mark.slow
 def test_an_interval_of_a_rank_correlation_holds_it(script: Script) -> None:
     study = script("verdict.opinion_study")
     rows = problem(study, noise=0.15)

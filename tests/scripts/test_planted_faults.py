@@ -41,6 +41,7 @@ def test_a_stale_entry_is_named(tree: Path) -> None:
     assert "no " in str(Fault(5, "a", "absent.py", "test_numbers.py", "x", "y").stale(tree))
 
 
+@pytest.mark.slow
 def test_what_no_test_notices_survives_and_the_sources_stay(tree: Path, tmp_path: Path) -> None:
     before = (tree / "homofact/numbers.py").read_text()
     done = tmp_path / "done.jsonl"
@@ -51,10 +52,12 @@ def test_what_no_test_notices_survives_and_the_sources_stay(tree: Path, tmp_path
     assert survivors([NOTICED, SURVIVES], tree, Finished(done), 120) == [SURVIVES]
 
 
+@pytest.mark.slow
 def test_tests_that_hang_are_ended(tree: Path) -> None:
     assert planted(tree, HANGS, 5) == "timeout"
 
 
+@pytest.mark.slow
 def test_tests_that_fail_anyway_are_an_error(tree: Path) -> None:
     (tree / "tests/test_numbers.py").write_text("def test_nothing():\n    assert False\n")
     with pytest.raises(ValueError, match="without a fault"):

@@ -235,6 +235,7 @@ def test_names_are_listed_with_commas_that_no_space_follows(script: Script) -> N
         listed("c,d", ["a, b", "c"], "methods")
 
 
+@pytest.mark.slow
 def test_a_run_goes_on_where_it_was_stopped(
     script: Script, real_data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: Any
 ) -> None:

@@ -55,6 +55,7 @@ def coarse_light(monkeypatch: pytest.MonkeyPatch, script: ModuleType) -> None:
     monkeypatch.setattr(script, "SCENE", script.SCENE.replace("[transport]\n", "[transport]\ncube = 16\n"))
 
 
+@pytest.mark.slow
 def test_a_bounce_is_held_against_paths(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("mitsuba")
     bounce = importlib.import_module("scripts.relighting.relight_bounce")
@@ -70,6 +71,7 @@ def test_a_bounce_is_held_against_paths(capsys: pytest.CaptureFixture[str], monk
     assert 2 < share < 20
 
 
+@pytest.mark.slow
 def test_separate_lobes_are_measured_once(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     """The short form: one object, whose separate lobe leaves one term; figures stand in their columns.
 
@@ -98,6 +100,7 @@ def test_separate_lobes_are_measured_once(capsys: pytest.CaptureFixture[str], tm
     assert lobes.main(["--data", "nowhere"]) == 2
 
 
+@pytest.mark.slow
 def test_textures_add_little_to_the_error(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -114,6 +117,7 @@ def test_textures_add_little_to_the_error(
     assert read_png(tmp_path / "balls.png").shape == (60, 80, 3)
 
 
+@pytest.mark.slow
 def test_normal_maps_add_little_to_the_error(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -8,6 +8,7 @@ import pytest
 from mitsuba_cases import variant
 
 
+@pytest.mark.slow
 def test_relit_vertices_are_held_against_both_truths(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     variant("llvm_ad_rgb", register=False)
     script = importlib.import_module("scripts.relighting.relight_truth")

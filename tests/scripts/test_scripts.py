@@ -184,6 +184,7 @@ def test_the_statements_are_judged_by_the_numbers(script: Callable[[str], Module
     assert [verdict.verdict for verdict in module.judge({})] == [module.NOT_TESTED] * 12
 
 
+@pytest.mark.slow
 def test_the_paint_figures_are_quotients_of_what_is_shown(
     script: Callable[[str], ModuleType], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -128,6 +128,7 @@ TIMES = """
 """
 
 
+@pytest.mark.slow
 def test_the_page_s_values_are_python_s_and_a_wrong_shader_shows(
     script: Script, ways: list[Any], tmp_path: Path
 ) -> None:
@@ -169,6 +170,7 @@ def test_the_page_s_values_are_python_s_and_a_wrong_shader_shows(
     assert [each["agrees"] for each in (empty, ggx)] == [True, False]
 
 
+@pytest.mark.slow
 def test_what_does_not_compile_is_named(script: Script, ways: list[Any], tmp_path: Path) -> None:
     skip_without_browser()
     module, page = script("speed.shader_throughput"), tmp_path / "page.html"
@@ -180,6 +182,7 @@ def test_what_does_not_compile_is_named(script: Script, ways: list[Any], tmp_pat
     assert str(caught.value).isprintable()
 
 
+@pytest.mark.slow
 def test_a_table_of_wrong_values_is_not_written(
     script: Script, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -192,6 +195,7 @@ def test_a_table_of_wrong_values_is_not_written(
     assert (streams.out, streams.err, out.exists()) == ("", expected, False)
 
 
+@pytest.mark.slow
 def test_the_table_has_all_ways(script: Script, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     skip_without_browser()
     module, out = script("speed.shader_throughput"), tmp_path / "table.md"
@@ -217,6 +221,7 @@ def test_the_table_has_all_ways(script: Script, tmp_path: Path, capsys: pytest.C
         assert words in text
 
 
+@pytest.mark.slow
 def test_without_run_a_page_is_written(script: Script, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     page = tmp_path / "page.html"
     arguments = ["material:lafortune-clay", "--short", "--formats", "exr", "--page", str(page)]

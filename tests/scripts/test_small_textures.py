@@ -120,6 +120,7 @@ def test_no_number_is_typed_by_hand() -> None:
     assert [each for each in formulas if re.search(r"\d\.\d|\d{2}", re.sub(r"tfrac12", "", each))] == []
 
 
+@pytest.mark.slow
 def test_the_kept_files_are_those_of_the_kept_results(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Tables byte for byte; figures by the same libraries only, so they are compared with a second run instead."""
     made = []
@@ -159,6 +160,7 @@ def test_the_comparisons_of_the_text_hold(results: small_results.Results) -> Non
     assert [words for words, holds in claims(results) if not holds] == []
 
 
+@pytest.mark.slow
 def test_other_results_show_which_sentence_is_wrong(
     kept: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -191,6 +193,7 @@ def test_a_material_that_some_way_has_not_fitted_is_left_out(kept: Path) -> None
     assert list(small_results.read(kept).time) == list(before)[:-1]
 
 
+@pytest.mark.slow
 def test_anew_replaces_results_when_they_are_whole(kept: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """An ended run leaves the older results; the next one goes on and notes its conditions."""
     rows = dict(small_results.Finished(kept / "slices.jsonl").items())

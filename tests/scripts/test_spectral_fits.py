@@ -20,6 +20,7 @@ def rows(text: str, title: str) -> list[list[str]]:
     return table[2 : next(k for k, cells in enumerate(table) if cells == [""])]
 
 
+@pytest.mark.slow
 def test_bytes_and_ranks_are_those_of_the_fits(
     script: Callable[[str], ModuleType], real_data: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -52,6 +53,7 @@ def test_a_metamer_has_the_colour_under_daylight_alone(script: Callable[[str], M
     assert float(ciede2000(*pair)[0]) > 3
 
 
+@pytest.mark.slow
 def test_the_picture_is_written_and_its_metamer_matches(
     script: Callable[[str], ModuleType], real_data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

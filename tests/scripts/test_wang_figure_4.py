@@ -9,6 +9,7 @@ import torch
 from homofact.geometry.directions import draw_uniform
 
 
+@pytest.mark.slow
 def test_it_leaves_a_table_and_a_figure(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert importlib.import_module("scripts.accuracy.wang_figure_4").main(["--short", "--out", str(tmp_path)]) == 0
     text = (tmp_path / "wang_figure_4.md").read_text()

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import torch
 from refusals import refused
+from slow_cases import slow_among
 
 import homofact
 from homofact.brdf.analytic import AnalyticModel, Lambert
@@ -143,7 +144,9 @@ def test_more_terms_and_texels_are_better() -> None:
     assert rms(separable_of(SKIN, 8, 8), SKIN) > 1.2 * errors[-1]
 
 
-@pytest.mark.parametrize("name", ["ashikhmin-shirley-wang", "lafortune-clay", "lafortune-skin"])
+@pytest.mark.parametrize(
+    "name", slow_among(["ashikhmin-shirley-wang", "lafortune-clay", "lafortune-skin"], "ashikhmin-shirley-wang")
+)
 def test_power_equals_eigen_on_wangs_materials(name: str) -> None:
     matrix = brdf_matrix(OneChannel(material(name).model, "R"), direction_map("orthographic"), 12).values[..., 0]
     best, found = eigen(matrix, 8), power(matrix, 8, torch.Generator().manual_seed(0))
@@ -241,6 +244,7 @@ def test_a_result_comes_back_bit_identical_with_its_pictures(kind: Any, tmp_path
             assert (tmp_path / "r" / names["png"]).is_file()
 
 
+@pytest.mark.slow
 def test_damaged_and_foreign_files_are_named(tmp_path: Path) -> None:
     found = separable_of(SKIN, 2, 4)
     path = tmp_path / "x.npz"

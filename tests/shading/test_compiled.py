@@ -10,6 +10,7 @@ from llvmlite.binding import get_host_cpu_features
 from numba import njit
 from numba.core import config
 from shading_cases import CASES, SEPARABLE, factorization, random_term, searched
+from slow_cases import slow_among
 
 from homofact.brdf.log_transform import LogTransform
 from homofact.errors import BadInput
@@ -35,6 +36,7 @@ def fast_of(name: str) -> Compiled:
     return compiled(CASES[name])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["searched in-out", "warped half-diff", "five of all kinds", "McCool, one channel"])
 def test_it_gives_what_python_gives(name: str) -> None:
     fitted = CASES[name]
@@ -47,6 +49,7 @@ def test_it_gives_what_python_gives(name: str) -> None:
     assert float(torch.quantile(error.flatten()[:10_000], 0.999)) < 1e-4
 
 
+@pytest.mark.slow
 def test_rows_and_single_texels() -> None:
     flat = Projection("in-out", torch.zeros(2, 4, dtype=torch.float64), False, "flat")
     line = fixed_projection("theta_h", True)
@@ -56,6 +59,7 @@ def test_rows_and_single_texels() -> None:
     assert torch.allclose(compiled(fitted).evaluate(wi, wo), fitted.evaluate(wi, wo), rtol=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("channels", [1, 2, 3, 4])
 def test_any_number_of_channels(channels: int) -> None:
     """Texels are one, two or four numbers wide; a row one texel high and a column one texel wide have no neighbours."""
@@ -81,6 +85,7 @@ def test_directions_that_are_none_read_no_foreign_memory() -> None:
     assert np.allclose(found, expected, rtol=1e-5)
 
 
+@pytest.mark.slow
 def test_sums_of_products_too() -> None:
     fitted = SEPARABLE["in-out, polar, two"]
     fast = compiled(fitted)
@@ -90,7 +95,7 @@ def test_sums_of_products_too() -> None:
     assert float(error.median()) < 2e-6
 
 
-@pytest.mark.parametrize("name", ["fixed h", "five of all kinds"])
+@pytest.mark.parametrize("name", slow_among(["fixed h", "five of all kinds"], "fixed h"))
 def test_blocks_need_not_be_full(name: str) -> None:
     """Equal bits, however many pairs are left over: on every processor, whatever its vectors' width."""
     fast = fast_of(name)
@@ -104,6 +109,7 @@ def test_blocks_need_not_be_full(name: str) -> None:
         assert (out[count:] == 7).all()
 
 
+@pytest.mark.slow
 def test_pairs_side_by_side_do_not_see_each_other() -> None:
     fast = compiled(factorization(searched("isotropic-half-diff", 3, Warp(0.05))))
     wi, wo = (w.float().numpy() for w in pairs(500))

@@ -139,6 +139,7 @@ def test_unknown_storages_are_refused() -> None:
         encode_texture(CASES["fixed h"].textures[0], "float8")
 
 
+@pytest.mark.slow
 def test_a_measured_paint_in_every_storage(real_data: Path) -> None:
     """Red garnet by McCool's two textures: what each storage loses beside the range of the logarithms."""
     source = homofact.read(str(real_data / "cornell" / "garnet_red.brdf"))

@@ -11,6 +11,7 @@ import torch
 from chi_square import p_value
 from layered_cases import layered
 from mixture_code import GLSL_HEAD, GLSL_MAIN, HLSL_MAIN, WGSL_MAIN, called, compiled_c, points
+from slow_cases import slow_among
 from torch import Tensor
 from webgpu import Gpu, glslang
 
@@ -39,7 +40,7 @@ def layer_calls(text: str, layer: int) -> str:
                   rf"\1(\2, {layer})", text)  # fmt: skip
 
 
-@pytest.mark.parametrize("layer", range(len(LAYERS)))
+@pytest.mark.parametrize("layer", slow_among(range(len(LAYERS)), 0, 2))
 def test_c_draws_each_layer_from_its_own_density(layer: int, tmp_path: Path) -> None:
     text = "#include <math.h>\n" + functions_in_c(LAYERED)
     library = compiled_c(text, tmp_path, f"{layer}, ")

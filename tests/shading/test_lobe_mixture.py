@@ -12,6 +12,7 @@ import torch
 from chi_square import p_value
 from mixture_code import GLSL_HEAD, GLSL_MAIN, HLSL_MAIN, WGSL_MAIN, called, compiled_c, points
 from shading_cases import MIXTURES, factorization, grain, mixture, searched
+from slow_cases import slow_among
 from torch import Tensor
 from webgpu import Gpu, glslang
 
@@ -114,7 +115,7 @@ def test_the_description_is_the_mixture(name: str) -> None:
     assert again.nbytes <= 2048
 
 
-@pytest.mark.parametrize("name", MIXTURES)
+@pytest.mark.parametrize("name", slow_among(MIXTURES, "isotropic", "narrow"))
 def test_what_is_drawn_has_the_density(name: str) -> None:
     mixture = MIXTURES[name]
     for angle, finer in compared(name):
@@ -141,7 +142,7 @@ def test_the_chi_square_test_sees_another_density() -> None:
     assert p_value(mixture.draw(viewer_at(36.0).expand(COUNT, 3), points(COUNT)), wo, mixture.density) < 1e-4
 
 
-@pytest.mark.parametrize("name", MIXTURES)
+@pytest.mark.parametrize("name", slow_among(MIXTURES, "isotropic", "narrow"))
 def test_c_draws_from_the_density_that_it_gives(name: str, tmp_path: Path) -> None:
     mixture = MIXTURES[name]
     library = compiled_c("#include <math.h>\n" + functions_in_c(sampling_functions(mixture)), tmp_path)
@@ -193,6 +194,7 @@ def fit() -> Factorization:
     return factorization(fixed_projection("h", True, Warp(0.2)), searched("isotropic-in-out", 4))
 
 
+@pytest.mark.slow
 def test_the_estimator_in_c_is_the_albedo(tmp_path: Path) -> None:
     fitted = fit()
     mixture = fitted_mixture(fitted)
@@ -233,7 +235,7 @@ def gpu() -> Gpu:
     return Gpu()
 
 
-@pytest.mark.parametrize("name", MIXTURES)
+@pytest.mark.parametrize("name", slow_among(MIXTURES, "isotropic", "narrow"))
 @pytest.mark.parametrize("language", [WGSL, HLSL, GLSL], ids=lambda language: language.name)
 def test_a_gpu_draws_from_the_density_that_it_gives(name: str, language: Language, gpu: Gpu, tmp_path: Path) -> None:
     mixture = MIXTURES[name]
@@ -302,6 +304,7 @@ def planted(function):
     return Planted()
 
 
+@pytest.mark.slow
 def test_a_planted_lobe_is_found() -> None:
     """f cosθi = p of a mixture: no variance is left."""
     truth = mixture(7, 0.1)
@@ -313,6 +316,7 @@ def test_a_planted_lobe_is_found() -> None:
         assert abs(noise.variance) < 0.01, noise.angle
 
 
+@pytest.mark.slow
 def test_the_grain_of_a_brushed_metal_is_found() -> None:
     model = Ward((0.01,) * 3, (0.19,) * 3, alpha_x=0.03, alpha_y=0.12)
     assert fitted_mixture(model).grain == pytest.approx(grain(0.25, 0.0), abs=0.03)
@@ -336,6 +340,7 @@ def test_the_noise_of_the_cosine_is_known() -> None:
         assert noise_of(reflectance, cosine_density, viewer_at(angle))[0] == pytest.approx(1 / 8, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_equal_bits() -> None:
     one, other = (fitted_mixture(material("phong-30").model) for _ in range(2))
     assert one.describe() == other.describe()

@@ -118,6 +118,7 @@ def test_a_fit_that_is_wrong_and_says_nothing_is_found() -> None:
     assert run_cell(EMPTY, stressed, references(), lying(math.nan)).outcome is CellOutcome.CRASHED
 
 
+@pytest.mark.slow
 def test_an_error_bar_is_held_against_the_clean_light() -> None:
     def cell(factor: float, error: float | None, degrees: tuple[float, float] = (0.0, 75.0)) -> Cell:
         def fit(source: Source, settings: Method) -> ComparisonRow:
@@ -321,6 +322,7 @@ def test_no_solver_is_silently_wrong(solves: list[SolverCell]) -> None:
     assert [c for c in solves if c.answer in (SolverOutcome.SILENT, SolverOutcome.CRASHED)] == []
 
 
+@pytest.mark.slow
 def test_the_command_writes_everything(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out, page = tmp_path / "atlas", tmp_path / "docs" / "stability.md"
     arguments = ["--short", "--methods", "mccool", "--stressors", "negative,zeros", "--document", str(page), "--json"]

@@ -115,6 +115,7 @@ def test_a_damaged_sweep_is_refused_in_one_line(
     assert {each.name for each in tmp_path.iterdir()} <= {"damaged"}
 
 
+@pytest.mark.slow
 def test_a_sweeps_file_edited_by_hand_ends_in_a_line(sweep: Path, tmp_path: Path) -> None:
     """Every entry of sweep.json, of a report and of what was set aside, damaged in every way."""
     folder = tmp_path / "edited"

@@ -105,6 +105,7 @@ def test_the_table_is_sorted_by_a_click_and_back_by_another(page: Any) -> None:
     assert head.find_element("xpath", "..").get_attribute("aria-sort") is None
 
 
+@pytest.mark.slow
 def test_what_is_looked_for_and_which_methods_are_on_narrow_the_table(page: Any) -> None:
     one(page, "#find").send_keys("red PAINT")
     assert set(column(page, "Material")) == {"red paint.npz"}
@@ -129,6 +130,7 @@ def dots(driver: Any, plot: str) -> list[tuple[str, float, float, float]]:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("plot", ["bytes", "seconds"])
 def test_a_dot_is_where_its_figures_are_and_opens_its_material_s_page(plot: str, page: Any, site: Path) -> None:
     fits = {fit.row.key: fit for fit in read_results(site.parent / "now").fits}
@@ -150,6 +152,7 @@ def test_a_dot_is_where_its_figures_are_and_opens_its_material_s_page(plot: str,
     assert page.current_url.endswith("/index.html")
 
 
+@pytest.mark.slow
 def test_a_finger_opens_a_dot_s_page(page: Any) -> None:
     page.execute_script("window.scrollTo(0, 0)")
     key, _, left, top = dots(page, "seconds")[0]
@@ -167,6 +170,7 @@ def arrived(driver: Any, ending: str) -> None:
     raise AssertionError(driver.current_url)
 
 
+@pytest.mark.slow
 def test_the_metric_is_chosen_for_charts_worst_and_changes(page: Any, site: Path) -> None:
     fits = read_results(site.parent / "now").fits
     for metric in REPORTED:
@@ -182,6 +186,7 @@ def test_the_metric_is_chosen_for_charts_worst_and_changes(page: Any, site: Path
     assert names == [fit.row.key for fit in worst(of_ggx, REPORTED[0])]
 
 
+@pytest.mark.slow
 def test_what_changed_is_counted_and_listed(page: Any) -> None:
     words = one(page, "#comparison-words").text
     assert "6 fits of the same source, method and seed are in both, 6 are new, 0 are gone" in words
@@ -193,6 +198,7 @@ def test_what_changed_is_counted_and_listed(page: Any) -> None:
     assert sorted(said) == ["better"] * 2 + ["worse"] * 4
 
 
+@pytest.mark.slow
 def test_what_was_set_aside_is_named_with_its_reason(page: Any) -> None:
     rows = all_of(page, "#aside-table tbody tr")
     assert len(rows) == 6
@@ -202,6 +208,7 @@ def test_what_was_set_aside_is_named_with_its_reason(page: Any) -> None:
     assert [each for each in files if each.endswith(".csv")] == ["fits.csv", "aside.csv", "comparison.csv"]
 
 
+@pytest.mark.slow
 def test_the_keys_walk_the_table_and_the_chart(page: Any) -> None:
     table = one(page, "#table")
     page.execute_script("arguments[0].focus()", table)
@@ -221,6 +228,7 @@ def test_the_keys_walk_the_table_and_the_chart(page: Any) -> None:
     assert "/materials/" in page.current_url
 
 
+@pytest.mark.slow
 def test_a_material_s_page_shows_its_pictures_and_opens_its_viewer(page: Any, site: Path) -> None:
     all_of(page, "#table tbody a")[0].click()
     assert len(all_of(page, ".fit")) == 4
@@ -237,6 +245,7 @@ def test_a_material_s_page_shows_its_pictures_and_opens_its_viewer(page: Any, si
     assert page.execute_script("return window.homofact.layers") == ["fit", "source"]  # the fit is McCool's
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("width", [420, 1400])
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_pages_fit_their_window_and_follow_its_colours(width: int, scheme: str, page: Any, site: Path) -> None:
@@ -255,6 +264,7 @@ def test_pages_fit_their_window_and_follow_its_colours(width: int, scheme: str, 
         assert (max(grey) < 60) == (scheme == "dark")
 
 
+@pytest.mark.slow
 def test_of_thousands_of_fits_only_those_in_sight_are_there(chromium: Any, many: Path) -> None:
     complaints(chromium)
     headless.resize(chromium, (1400, 900))
@@ -281,6 +291,7 @@ def test_of_thousands_of_fits_only_those_in_sight_are_there(chromium: Any, many:
     assert complaints(chromium) == []
 
 
+@pytest.mark.slow
 def test_markup_in_names_stays_text(page: Any) -> None:
     names = set(column(page, "Material"))
     assert names == {"phong-10", "red paint.npz", '<b>odd<i> & "name".npz'}

@@ -58,6 +58,7 @@ def copy(swept: Path, tmp_path: Path) -> Path:
     return Path(shutil.copytree(swept / "sweep", tmp_path / "sweep"))
 
 
+@pytest.mark.slow
 def test_a_sweep_ends_with_its_report(swept: Path, copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
     site = swept / "sweep" / "report"
     assert {"index.html", "site.json", "fits.csv"} <= {each.name for each in site.iterdir()}
@@ -82,6 +83,7 @@ def tasks(swept: Path) -> list[Task]:
     return tasks_of(read_sweep(swept / "small.toml"))
 
 
+@pytest.mark.slow
 def test_a_result_is_the_fit_that_is_made_without_a_sweep(swept: Path) -> None:
     task = next(each for each in tasks(swept) if each.method == "mccool" and each.source.endswith("paint.npz"))
     source = open_source(task.source, count=600)
@@ -120,6 +122,7 @@ def test_a_label_with_its_bytes_fits_beside_the_medians() -> None:
     assert line.split() == ["search,", "12288", "B", "2", "1", "12288", "111", "0.000123", *["1.02"] * 3]
 
 
+@pytest.mark.slow
 def test_the_command_goes_on_and_says_so(swept: Path, copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
     gone = tasks(swept)[1]
     shutil.rmtree(SweepLedger(copy).place(gone))
@@ -138,6 +141,7 @@ def test_the_command_goes_on_and_says_so(swept: Path, copy: Path, capsys: pytest
         assert (copy / "results" / key / "report.json").stat().st_mtime_ns == time
 
 
+@pytest.mark.slow
 def test_a_source_that_is_refused_is_named_and_the_others_are_done(
     swept: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -215,6 +219,7 @@ def test_a_source_that_is_gone_since_the_sweep_began_is_named(tmp_path: Path) ->
         sweep(read_sweep(tmp_path / "s.toml"), out, Nobody(), nothing)
 
 
+@pytest.mark.slow
 def test_a_worker_without_the_file_asks_for_it_and_fits_the_same(swept: Path, tmp_path: Path) -> None:
     task = next(each for each in tasks(swept) if each.method == "mccool" and each.source.endswith("paint.npz"))
     elsewhere = Task(**{**task.record(), "source": str(tmp_path / "paint.npz")})

@@ -115,6 +115,7 @@ def test_an_error_of_the_clients_own_ends_the_workers(tmp_path: Path) -> None:
     assert not _alive({process for process, _ in log(tmp_path)})
 
 
+@pytest.mark.slow
 def test_a_killed_client_leaves_no_workers_and_nothing_is_redone(tmp_path: Path) -> None:
     code = f"""
 import sys
@@ -141,6 +142,7 @@ run(Path({str(tmp_path)!r}), stub_tasks(["sleep 0.2"] * 40))
     assert sorted(number for _, number in log(tmp_path)) == list(range(40))
 
 
+@pytest.mark.slow
 def test_a_worker_whose_client_has_gone_ends_without_a_word(tmp_path: Path) -> None:
     reading, writing = os.pipe()
     os.close(reading)
@@ -150,6 +152,7 @@ def test_a_worker_whose_client_has_gone_ends_without_a_word(tmp_path: Path) -> N
     assert (ended.returncode, ended.stderr) == (0, b"")
 
 
+@pytest.mark.slow
 def test_two_sweeps_at_once_in_one_folder_are_refused(tmp_path: Path) -> None:
     folder = tmp_path / "sweep"
     code = f"""

@@ -2,6 +2,7 @@
 
 import math
 
+import pytest
 import torch
 from refusals import refused
 
@@ -75,6 +76,7 @@ def test_rotations_turn_harmonics() -> None:
         assert torch.allclose(harmonics(4, w @ each.T), harmonics(4, w) @ own.T, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_lit_sphere_has_the_products_of_lighting_and_brdf() -> None:
     """(3.8) from first principles: f cosθi under one directional source, at every normal."""
     source = torch.tensor([0.48, -0.6, 0.64], dtype=torch.float64)

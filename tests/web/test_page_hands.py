@@ -15,6 +15,8 @@ from homofact.rendering.light import DEFAULT_LIGHT
 from homofact.web.layers import fit_layer
 from homofact.web.viewer import source_layer
 
+pytestmark = pytest.mark.slow
+
 Open = Callable[..., Any]
 
 

@@ -5,12 +5,15 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import pytest
 from browser import headless
 from PIL import Image
 from shading_cases import CASES
 from viewer_page import change, shown_note, shrink
 
 from homofact.web.layers import fit_layer
+
+pytestmark = pytest.mark.slow
 
 Open = Callable[..., Any]
 LAYERS = [fit_layer(CASES["fixed h"], key, key) for key in ("fit", "mccool", "source")]

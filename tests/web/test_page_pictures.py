@@ -43,6 +43,7 @@ def test_a_picture_is_python_s_render(show: Open) -> None:
         assert (found[0, 0] == np.round(encode_srgb(torch.tensor(0.024)).item() * 255)).all()
 
 
+@pytest.mark.slow
 def test_another_light_and_camera_are_python_s_too(show: Open) -> None:
     fitted = CASES["searched in-out"]
     driver = show(fit_layer(fitted, "fit", "Fit"))
@@ -60,6 +61,7 @@ def test_another_light_and_camera_are_python_s_too(show: Open) -> None:
     assert np.abs(picture(driver) - expected)[INSIDE].max() <= 1
 
 
+@pytest.mark.slow
 def test_a_ball_as_a_mesh_looks_like_the_sphere(show: Open) -> None:
     driver = show(fit_layer(CASES["fixed theta_h-theta_d"], "fit", "Fit"), mesh=ball())
     assert driver.execute_script("return window.homofact.state.surface") == "mesh"
@@ -81,6 +83,7 @@ def under(driver: Any, **state: Any) -> np.ndarray:
     return radiance(driver, "source")
 
 
+@pytest.mark.slow
 def test_a_glossy_sphere_under_the_sky_is_python_s_too(show: Open) -> None:
     """The overcast sky, its zenith above, as a lat-long map: both renderers integrate it, with samples of their own."""
     model = Phong((0.10, 0.20, 0.30), (0.4, 0.4, 0.4), exponent=300)
@@ -96,6 +99,7 @@ def test_a_glossy_sphere_under_the_sky_is_python_s_too(show: Open) -> None:
             assert found[block].mean((0, 1)) == pytest.approx(expected[block].mean((0, 1)), rel=0.03), (row, column)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("light", ["overcast", "studio"])
 def test_skies_give_the_irradiance_that_they_say(light: str, show: Open) -> None:
     """A Lambertian surface that faces the sky's zenith, or the studio's key light, reflects about its albedo."""
@@ -111,6 +115,7 @@ def test_skies_give_the_irradiance_that_they_say(light: str, show: Open) -> None
     assert linear / albedo == pytest.approx(1.0, abs=0.03 if light == "overcast" else 0.2)
 
 
+@pytest.mark.slow
 def test_differences_are_to_the_source_and_vanish_where_there_is_none(show: Open) -> None:
     fitted = CASES["fixed h"]
     driver = show(*(fit_layer(fitted, key, key) for key in ("fit", "mccool", "source")))

@@ -22,6 +22,8 @@ from homofact.separable.separable import Separable
 from homofact.web.layers import fit_layer
 from homofact.web.viewer import source_layer
 
+pytestmark = pytest.mark.slow
+
 Open = Callable[..., Any]
 FLOAT: dict[str, Factorization | Separable] = {
     name: CASES[name]

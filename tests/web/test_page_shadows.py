@@ -20,6 +20,8 @@ from homofact.geometry.directions import draw_cosine_weighted
 from homofact.meshes.mesh import Mesh
 from homofact.web.viewer import source_layer, write_viewer
 
+pytestmark = pytest.mark.slow
+
 Open = Callable[..., Any]
 SKY = "#light=sky&on=mesh"
 ALBEDO = 0.6

@@ -19,6 +19,8 @@ from homofact.rendering.light import EnvironmentMap
 from homofact.web.layers import fit_layer
 from homofact.web.viewer import source_layer
 
+pytestmark = pytest.mark.slow
+
 Open = Callable[..., Any]
 SMALL, FINER, PASSES = 64, 4, 96
 SKY = Path(__file__).parents[2] / "data_synthetic" / "sky.hdr"

@@ -3,11 +3,14 @@
 from pathlib import Path
 from typing import Any
 
+import pytest
 from browser import browser, complaints, headless
 from shading_cases import CASES
 
 from homofact.web.layers import fit_layer
 from homofact.web.viewer import Layer, write_viewer
+
+pytestmark = pytest.mark.slow
 
 BROKEN = "vec3 fit_evaluate(vec3 wi, vec3 wo) { return no_such_thing; }"
 

@@ -153,6 +153,7 @@ def test_a_bound_is_never_zero(scale: float) -> None:
         assert float(runaway.values.min()) > 0
 
 
+@pytest.mark.slow
 def test_a_fit_of_a_measurement_does_not_blow_up_beyond_it() -> None:
     samples = goniometer(60)
     fit = Search(textures=2, size=12, effort=60.0, epsilon=1e-3).fit(samples).factorization

@@ -114,6 +114,7 @@ def test_bad_materials_are_refused(change: dict, message: str) -> None:
         replace(COATED, **change)
 
 
+@pytest.mark.slow
 def test_a_material_of_this_kind_is_found_again() -> None:
     plain = MetallicRoughness((0.5, 0.3, 0.1), 0.25, 0.45)
     found = fit_metallic_roughness(plain, True)
@@ -123,6 +124,7 @@ def test_a_material_of_this_kind_is_found_again() -> None:
     assert "baseColor (0.500, 0.300, 0.100), metallic 0.250, roughness 0.450" in said(found)
 
 
+@pytest.mark.slow
 def test_extensions_are_used_where_they_help() -> None:
     coated = fit_metallic_roughness(COATED, True)
     assert (coated.clearcoat, coated.clearcoat_roughness) == pytest.approx((0.8, 0.15), abs=0.02)
@@ -132,6 +134,7 @@ def test_extensions_are_used_where_they_help() -> None:
     assert "anisotropy 0.600 at 40 degrees" in said(stretched)
 
 
+@pytest.mark.slow
 def test_the_specular_extension_is_found_again() -> None:
     found = fit_metallic_roughness(TINTED, True)
     assert found.clearcoat == 0
@@ -141,6 +144,7 @@ def test_the_specular_extension_is_found_again() -> None:
     assert "specular 0.300 with (0.120, 0.060, 0.300) at normal incidence" in said(found)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("allowed", [False, (CLEARCOAT,)], ids=["none", "coat"])
 def test_no_extension_is_used_that_is_not_allowed(allowed: bool | tuple[str, ...]) -> None:
     found = fit_metallic_roughness(TINTED, True, extensions=allowed)
@@ -149,6 +153,7 @@ def test_no_extension_is_used_that_is_not_allowed(allowed: bool | tuple[str, ...
     assert allowed or found.clearcoat == 0
 
 
+@pytest.mark.slow
 def test_the_mean_albedo_is_held_in_every_channel() -> None:
     """Of what no such material can show, too: a lobe of a Gaussian's slopes, and one towards the light."""
     brushed = open_source("material:ward-brushed", count=10).reflectance
@@ -167,6 +172,7 @@ class Retro(AnalyticModel):
         return lobe[..., None] * self.colour((1.0, 0.6, 0.1), wi) + 0.02
 
 
+@pytest.mark.slow
 def test_what_has_no_look_is_refused() -> None:
     with pytest.raises(BadInput, match="the values are all 0"):
         fit_metallic_roughness(Lambert((0.0, 0.0, 0.0)), True)

@@ -148,6 +148,7 @@ def test_threes_module_page_and_package_are_the_same_but_for_the_name(name: str,
     check_readme(found["README.md"].replace(own, other), harmless["README.md"])
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(shutil.which("node") is None, reason="no node")
 def test_threes_module_is_one_to_node(tmp_path: Path) -> None:
     for k, name in enumerate(NAMES):

@@ -96,6 +96,7 @@ def test_three_draws_what_we_draw(
     assert (found[np.hypot(x, y) > RADIUS * SIZE / 2 + 1] == 0).all()
 
 
+@pytest.mark.slow
 def test_the_example_page_draws(page: tuple[Any, Path, str], tmp_path: Path) -> None:
     driver, folder, address = page
     engine_folder(folder / "example", isotropic(), "three")

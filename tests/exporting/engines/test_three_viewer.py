@@ -184,6 +184,7 @@ def lit(made: Exported) -> np.ndarray:
     return render_sphere(made.stored, [DirectionalLight(tuple(lamp()), np.pi)], SIZE).radiance.numpy()
 
 
+@pytest.mark.slow
 def test_the_page_shows_a_model_in_the_fit(page: Page) -> None:
     assert page.open("plain", "model=two.glb") == ["yes", ""]
     for x in (-APART, APART):
@@ -192,6 +193,7 @@ def test_the_page_shows_a_model_in_the_fit(page: Page) -> None:
         assert np.quantile(off, 0.99) < 0.03
 
 
+@pytest.mark.slow
 def test_one_material_of_a_model_is_replaced_and_the_other_stays(page: Page) -> None:
     assert page.open("plain", "model=two.glb&material=rubber") == ["yes", ""]
     assert np.median(apart(page.ball(APART), lit(page.made["plain"]))) < 2e-3
@@ -200,6 +202,7 @@ def test_one_material_of_a_model_is_replaced_and_the_other_stays(page: Page) -> 
     assert red[0] > 3 * red[2]
 
 
+@pytest.mark.slow
 def test_the_page_shows_a_model_under_a_panorama(page: Page) -> None:
     assert page.open("plain", "model=two.glb&sky=sky.hdr") == ["yes", ""]
     table = light_of(page.made["plain"].stored, KERNELS).table
@@ -224,6 +227,7 @@ def test_the_page_takes_dropped_files(page: Page) -> None:
     assert np.median(apart(page.ball(-APART), lit(page.made["plain"]))) < 2e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("query", "name"),
     [
@@ -243,6 +247,7 @@ def test_a_wrong_file_gives_one_line_on_the_page(page: Page, query: str, name: s
     assert "\n" not in said
 
 
+@pytest.mark.slow
 def test_a_brushed_fit_lies_along_the_texture_coordinates_of_a_model(page: Page) -> None:
     """About x there, where the direction of increasing longitude would be about y."""
     assert page.open("combed", "model=two.glb") == ["yes", ""]
@@ -254,6 +259,7 @@ def test_a_brushed_fit_lies_along_the_texture_coordinates_of_a_model(page: Page)
     assert np.median(apart(page.ball(-APART), lit(page.made["combed"]))) > 0.05
 
 
+@pytest.mark.slow
 def test_a_models_own_tangents_come_first(page: Page) -> None:
     assert page.open("combed", "model=tangents.glb") == ["yes", ""]
     assert np.median(apart(page.ball(-APART), lit(page.made["combed"]))) < 5e-3
