@@ -1,4 +1,5 @@
-# make demo: the environment, two fits and their pictures. make test: the environment and every check. make docs: the site.
+# make demo: the environment, two fits and their pictures. make test: the environment, linters and fast tests.
+# make slow: the other tests. make docs: the site.
 # Another interpreter: make PYTHON=python3.12 demo. The environment is .venv in this folder.
 
 PYTHON ?= python3
@@ -9,7 +10,7 @@ FIT := .venv/.fit
 # The type checker's wrapper would otherwise ask the network for a newer version on every run.
 export PYRIGHT_PYTHON_IGNORE_WARNINGS := 1
 
-.PHONY: demo test nightly stability wheel gallery docs install format constraints clean
+.PHONY: demo test slow nightly stability wheel gallery docs install format constraints clean
 
 demo: $(FIT)
 	$(BIN)/homofact factorize --config configs/plastic.toml --force
@@ -26,12 +27,16 @@ test: $(READY)
 	$(BIN)/pyright
 	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/pytest -n 2 --dist worksteal
 
-# Properties on 2000 random problems each instead of 100; tests that are too slow for every run; 20,000 damaged files of
-# every kind that is read; a kill at every system call of a write (Debian's strace); everything 200 times in one process,
-# whose memory stays flat; 70 small faults that the tests have to notice.
-nightly: $(READY)
-	HYPOTHESIS_PROFILE=nightly OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/pytest -n 2 tests/factor/test_properties.py
-	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/pytest -m slow
+# The tests that `make test` leaves out: before a release, and after changes to pages, engines or pictures.
+slow: $(READY)
+	.ci/packages
+	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/pytest -n 2 --dist worksteal -m slow
+
+# Slow tests; properties on 2000 random problems each instead of 100; 20,000 damaged files of every kind that is read; a
+# kill at every system call of a write (Debian's strace); everything 200 times in one process, whose memory stays flat;
+# small faults that the tests have to notice.
+nightly: slow
+	HYPOTHESIS_PROFILE=nightly OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/pytest -n 2 -m '' tests/factor/test_properties.py
 	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python scripts/checks/fuzz_readers.py
 	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python scripts/checks/fuzz_results.py
 	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python scripts/checks/fuzz_scenes.py

@@ -65,7 +65,6 @@ def test_factorize_leaves_the_whole_result(result: Path) -> None:
     assert bool((loaded.evaluate(up, up) > 0).all())
 
 
-@pytest.mark.slow
 def test_factorize_prints_a_summary_of_80_columns(
     run: Callable[..., Ran], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

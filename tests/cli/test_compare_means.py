@@ -9,6 +9,7 @@ import pytest
 import homofact
 from homofact.brdf.formats.csv import write as write_csv
 from homofact.cli.main import main
+from homofact.methods.table import unused_settings
 
 FAST = ["material:phong-10", "material:lafortune-clay", "--count", "300", "--size", "5", "--methods", "mccool,cole"]
 FAST += ["--textures", "1", "--restarts", "1", "--search-size", "4"]
@@ -106,6 +107,12 @@ def test_the_latex_table_can_have_the_rows_of_each_source(capsys: pytest.Capture
     assert shown == pytest.approx([means["phong-10"], means["lafortune-clay"], means["all"]], rel=0.2)
     assert main([*line, "--latex", "b.tex"]) == 0
     assert r"\multicolumn" not in Path("b.tex").read_text(encoding="utf-8")
+
+
+def test_settings_are_unused_where_no_method_of_the_line_has_them() -> None:
+    words = "effort has no effect: neither mccool nor ggx has such a setting; search has it"
+    assert unused_settings(["mccool", "ggx"], ["size", "effort"]) == {"effort": words}
+    assert unused_settings(["mccool", "search"], ["size", "effort"]) == {}
 
 
 @pytest.mark.slow

@@ -47,7 +47,6 @@ def off(found: torch.Tensor, session: Session) -> float:
     return float((found - expected).square().mean().sqrt() / expected.square().mean().sqrt())
 
 
-@pytest.mark.slow
 def test_edits_of_senders_and_receivers_are_the_library_s(page: Any, prepared: PreparedScene) -> None:
     session = Session(prepared)
     start = session.picture(0)

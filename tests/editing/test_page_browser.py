@@ -259,7 +259,6 @@ def test_what_is_seen_is_tone_mapped_as_elsewhere(page: Any) -> None:
     same(pixels(page, 0), mapped(session, 0, 0.5, "srgb"), 0)
 
 
-@pytest.mark.slow
 def test_the_settled_picture_is_the_enlarged_one(page: Any) -> None:
     """In four times as many pixels per side as were precomputed, split by a divider."""
     start, session = Session(page_prepared()), Session(page_prepared())

@@ -181,8 +181,7 @@ def test_no_state_of_matplotlib_is_left_changed(many: list[ChartRow], tmp_path: 
     assert dict(matplotlib.rcParams) == before
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("labels", [("mccool", "ggx"), ("ggx",)])
+@pytest.mark.parametrize("labels", [pytest.param(("mccool", "ggx"), marks=pytest.mark.slow), ("ggx",)])
 def test_a_model_without_textures_stands_at_no_fetches_and_has_its_bytes_as_label(
     labels: tuple[str, ...], many: list[ChartRow], tmp_path: Path
 ) -> None:

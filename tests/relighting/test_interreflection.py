@@ -99,9 +99,7 @@ def test_the_polynomials_are_orthonormal_under_the_cosine(nodes: tuple[np.ndarra
     np.testing.assert_allclose((found * flux) @ found.T, np.eye(15), atol=1e-3)
 
 
-@pytest.mark.parametrize(
-    "reflectance", [SHINY, pytest.param(BRUSHED, marks=pytest.mark.slow)], ids=["isotropic", "anisotropic"]
-)
+@pytest.mark.parametrize("reflectance", [SHINY, BRUSHED], ids=["isotropic", "anisotropic"])
 def test_the_response_is_the_integral_of_each(reflectance: Reflectance, nodes: tuple[np.ndarray, np.ndarray]) -> None:
     w, flux = nodes
     maps = torch.from_numpy(smooth_response(reflectance, 3, 48)).permute(1, 2, 0, 3).double()
@@ -170,7 +168,6 @@ def test_the_back_of_a_surface_is_dark() -> None:
     assert not between.received(ball.positions[0], frames(ball.normals)[0], 1).any()
 
 
-@pytest.mark.slow
 def test_matt_surfaces_send_what_the_sum_in_full_has(made: tuple[RelightScene, tuple[RelitObject, ...]]) -> None:
     scene, objects = made
     around = sending_surfaces(scene)

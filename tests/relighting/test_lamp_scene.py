@@ -148,7 +148,6 @@ def test_the_stated_error_is_within_1_3_of_the_truth(made: Made, truths: list[tu
     assert all(value > 0.08 for value in worse.errors.values())
 
 
-@pytest.mark.slow
 def test_surfaces_send_the_light_of_the_lamp_on(tmp_path: Path) -> None:
     """A matt ball and the ground light each other: by the terms as by the full sum."""
     matt = SCENE.replace('material = "material:phong-30"\nterms = 4\nlobe = "factored"', "albedo = [0.7, 0.5, 0.2]")

@@ -234,7 +234,6 @@ def test_in_the_dark_a_mesh_is_black() -> None:
     assert not made.shade(EYE).any()
 
 
-@pytest.mark.slow
 def test_a_picture_has_the_lobe_at_every_pixel() -> None:
     """Pixels that see the knot alone: the sum at their own points, whatever the light between vertices is."""
     made = factored(ROUND, "separate", terms=1)

@@ -123,7 +123,6 @@ def test_the_width_is_that_of_the_lobe() -> None:
     assert half_width(MATT) == pytest.approx(1)
 
 
-@pytest.mark.slow
 def test_an_isotropic_lobe_has_one_azimuth_and_a_grained_one_its_period() -> None:
     grained = lobe_table(GRAINED)
     assert (grained.turns, grained.period) == (TURNS, math.pi)

@@ -23,7 +23,6 @@ def test_light_and_view_are_the_library_s(page: Any) -> None:
     check_colours(page, relit_scene.scene().skies[0].cube)
 
 
-@pytest.mark.slow
 def test_vectors_are_in_falling_order_of_magnitude(page: Any) -> None:
     """So that the page's N largest are the first N; of equals the one of the lower place first."""
     for number, given in enumerate(relit_scene.scene().objects):

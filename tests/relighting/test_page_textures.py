@@ -95,7 +95,6 @@ def test_pixels_have_the_colours_of_the_textures(
     assert np.abs(found - wanted[:, ::-1]).max(-1)[cover & cover[:, ::-1]].mean() > 20
 
 
-@pytest.mark.slow
 def test_vertices_have_them_on_processor_and_card(page: Any, scene: RelightResult) -> None:
     for suns in (True, False):
         change(page, "light-shown", suns=suns)

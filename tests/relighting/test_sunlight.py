@@ -146,7 +146,6 @@ def test_flat_triangles_of_a_round_surface_do_not_shade_themselves() -> None:
     assert (flat.seen([sun], occluder, 4)[lit, 0] < 1).any()
 
 
-@pytest.mark.slow
 def test_the_ground_has_the_sun_s_light_or_the_ball_s_shadow(made: Made) -> None:
     scene, objects = made
     (sun,) = scene.file.suns

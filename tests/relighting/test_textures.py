@@ -180,7 +180,6 @@ def cases(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
     return found
 
 
-@pytest.mark.slow
 def test_each_half_of_a_ball_is_the_ball_of_its_colour(cases: list[Case]) -> None:
     """Under the sky, a sun and light from the ground alike; near the edges of a half the two mix."""
     (seen, found), *others = (pixels_of(*case) for case in cases)

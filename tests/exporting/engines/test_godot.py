@@ -81,7 +81,6 @@ def test_godot_is_told_how_to_import_what_it_would_take_for_its_own(tmp_path: Pa
         script("engines.draw_godot").imported(tmp_path / "fit" / name)
 
 
-@pytest.mark.slow
 def test_a_filtered_sky_is_in_the_material_as_the_chain_has_it(tmp_path: Path) -> None:
     made = engine_folder(tmp_path / "fit", brushed(), "godot", "png8", chain=sky())
     light = made.prefiltered
