@@ -21,8 +21,9 @@ from homofact.relighting.build import RelightScene, RelitObject, open_relight_sc
 from homofact.relighting.clusters import clustered
 from homofact.relighting.errors import relative, scene_errors, sending_surfaces
 from homofact.relighting.factors import look_up
+from homofact.relighting.haar import transform_faces
 from homofact.relighting.harmonic import harmonic
-from homofact.relighting.interreflection import ORDER, BounceColours, Interreflection, spread_suns
+from homofact.relighting.interreflection import INNER, ORDER, BounceColours, Interreflection, spread_suns
 from homofact.relighting.lit import LitObject
 from homofact.relighting.precompute import TransportSettings, transport
 from homofact.relighting.reference import Geometry, scene_picture
@@ -158,6 +159,22 @@ def test_a_wide_floor_lights_what_is_above_it() -> None:
         assert found * math.sqrt(math.pi) == pytest.approx(0.5 * math.pi * (1 - up) / 2, abs=0.012)
 
 
+@pytest.mark.parametrize("times", [1, 2, 4])
+def test_on_a_finer_map_each_texel_is_shared_out(times: int) -> None:
+    """Haar coefficients on cube maps of 8, 16 and 32 texels along a face are those of the same light."""
+    ball, floor = sphere(4), ground(4.0, -1.5, 4)
+    meshes, frame = [ball, floor], frames(ball.normals)[-1]
+    colours = BounceColours.of([np.full(3, 0.9), np.full(3, 0.5)])
+    between = Interreflection.traced(meshes, colours, MeshGroup(meshes).occluder)
+    coarse = between.received(ball.positions[-1], frame, 3).astype(np.float32).reshape(-1, INNER, INNER)
+    fine = np.ascontiguousarray(coarse.repeat(times, 1).repeat(times, 2) / times**2)
+    size = times * INNER
+    transform_faces(fine, np.empty((size, size), np.float32))
+    found = between.vectors(ball.positions[-1], frame, 3, size).reshape(fine.shape)
+    assert np.abs(found).max() > 0
+    np.testing.assert_allclose(found, fine, atol=1e-6)
+
+
 def test_the_back_of_a_surface_is_dark() -> None:
     ball = sphere(24)
     floor = ground(4.0, 3.0, 8)
@@ -168,6 +185,7 @@ def test_the_back_of_a_surface_is_dark() -> None:
     assert not between.received(ball.positions[0], frames(ball.normals)[0], 1).any()
 
 
+@pytest.mark.slow
 def test_matt_surfaces_send_what_the_sum_in_full_has(made: tuple[RelightScene, tuple[RelitObject, ...]]) -> None:
     scene, objects = made
     around = sending_surfaces(scene)
