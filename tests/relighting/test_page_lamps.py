@@ -15,8 +15,6 @@ from homofact.relighting.errors import relative
 from homofact.relighting.result import RelightResult
 from homofact.relighting.scene_file import read_relight_scene
 
-pytestmark = pytest.mark.slow
-
 # The first lamp is beside the objects and has one shadow map, the second is among them and has six.
 SCENE = """
 [[object]]
@@ -106,11 +104,13 @@ def compared(driver: Any, scene: RelightResult, objects: list[RelitObject], suns
     return np.abs(shown - expected).max(-1)[cover]
 
 
+@pytest.mark.slow
 def test_lamps_have_one_shadow_map_or_those_of_a_cube(lamps: Any) -> None:
     script = "return homofact.view.stage.shadows.maps.map(({ first, layers }) => [first, layers])"
     assert lamps.execute_script(script) == [[0, 1], [1, 1], [2, 6]]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("on", [True, False])
 def test_the_processor_has_the_lamps_of_the_library(on: bool, lamps: Any, scene: RelightResult) -> None:
     change(lamps, "light-shown", lamps=on)
@@ -134,6 +134,7 @@ def test_pixels_have_light_and_shadow_of_the_lamps(lamps: Any, scene: RelightRes
         assert compared(lamps, scene, lit_by(scene.objects, *other)).mean() > 8
 
 
+@pytest.mark.slow
 def test_lamps_stay_where_they_are_under_another_sky_and_a_turned_one(lamps: Any, scene: RelightResult) -> None:
     """The sky has the same radiance from everywhere, so that its turn changes the sun alone."""
     change(lamps, turn=ANGLE, suns=False)
@@ -147,6 +148,7 @@ def test_lamps_stay_where_they_are_under_another_sky_and_a_turned_one(lamps: Any
     assert lamps.execute_script(shining) == [True, True, True]
 
 
+@pytest.mark.slow
 def test_they_are_seen_and_switched_off(lamps: Any, scene: RelightResult) -> None:
     # The reference is the library's own light.
     assert statistics(lamps)["error"] < 0.01
@@ -173,6 +175,7 @@ def test_they_are_seen_and_switched_off(lamps: Any, scene: RelightResult) -> Non
     assert statistics(lamps)["error"] is None
 
 
+@pytest.mark.slow
 def test_a_scene_without_lamps_offers_none(page: Any) -> None:
     assert page.execute_script("return document.getElementById('lamps').closest('.field').hidden")
     page.execute_script("document.dispatchEvent(new KeyboardEvent('keydown', { key: 'm' }))")

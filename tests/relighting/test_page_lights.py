@@ -16,7 +16,7 @@ from homofact.relighting.errors import relative
 from homofact.relighting.result import RelightResult
 from homofact.relighting.scene_file import read_relight_scene
 
-# The sun's penumbra is wide. The lamp is beside the ball, so that its shadow map is that of a cube.
+# The sun's penumbra is wide. The lamp is far enough from the ball for one shadow map.
 SCENE = """
 [[object]]
 mesh = "shape:sphere"
