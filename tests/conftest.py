@@ -25,7 +25,7 @@ os.environ["HOMOFACT_PROGRESS"] = "0"
 
 ROOT = Path(__file__).resolve().parent.parent
 # Seconds that a test marked slow may take; pyproject.toml has the limit of the others.
-SLOW = 600
+SLOW = 3600
 BEFORE = pytest.StashKey[set[str]]()
 
 

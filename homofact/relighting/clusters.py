@@ -100,18 +100,19 @@ def clustered(
         labels = kmeans2(sketch, count, iter=12, minit="points", rng=rng)[1]
     labels = _settled(sketch, labels, count, components)
     used, labels = np.unique(labels, return_inverse=True)
-    vectors, weights = [], np.zeros((transport.vertices, components), np.float32)
+    vectors, weights = _SparseVectors(transport, kept), np.zeros((transport.vertices, components), np.float32)
     for c in range(len(used)):
         own = np.flatnonzero(labels == c)
         basis, mixing = _components(rows[own], components)
-        vectors.append(basis)
+        vectors.add(basis)
         weights[own] = mixing
     steps = np.stack([np.abs(weights[labels == c]).max(0) for c in range(len(used))]) / _MOST
     steps = np.maximum(steps, 1e-30).astype(np.float32)
     numbers = np.rint(weights / steps[labels]).astype(np.int16)
-    basis = _sparse(np.concatenate(vectors), transport, kept)
     cluster = labels.astype(np.uint16)
-    return Clustered(transport.positions, transport.frames, transport.factors, basis, cluster, numbers, steps)
+    return Clustered(
+        transport.positions, transport.frames, transport.factors, vectors.joined(), cluster, numbers, steps
+    )
 
 
 def _rows(transport: WaveletTransport) -> csr_array:
@@ -166,23 +167,36 @@ def _components(rows: csr_array, components: int) -> tuple[np.ndarray, np.ndarra
     return basis, weights.astype(np.float32)
 
 
-def _sparse(vectors: np.ndarray, transport: WaveletTransport, kept: int) -> WaveletTransport:
-    """The vectors (B, K·J), their weights taken off, with the largest coefficients kept, as a transport."""
-    terms, texels = transport.factors.terms, cube.FACES * transport.settings.cube**2
-    weight = np.maximum(transport.factors.weights, 1e-30)
-    parts = (vectors.reshape(len(vectors), terms, texels) / weight[:, None]).reshape(-1, texels).astype(np.float32)
-    index, number = np.empty(texels, np.uint16), np.empty(texels, np.int16)
-    counts, scales, places, numbers = [], [], [], []
-    for vector in parts:
-        count, scale = keep_largest(vector, kept, index, number)
-        counts.append(count)
-        scales.append(scale)
-        places.append(index[:count].copy())
-        numbers.append(number[:count].copy())
-    empty = np.zeros((len(vectors), 3), np.float32)
-    frames = np.zeros((len(vectors), 3, 3), np.float32)
-    return WaveletTransport(
-        empty, frames, transport.factors, transport.settings,
-        np.concatenate(([0], np.cumsum(counts))), np.concatenate(places), np.concatenate(numbers),
-        np.array(scales, np.float32),
-    )  # fmt: skip
+class _SparseVectors:
+    """Vectors of which the largest coefficients are kept as they come: whole, those of all clusters take gigabytes."""
+
+    def __init__(self, transport: WaveletTransport, kept: int) -> None:
+        self._like, self._kept, self._count = transport, kept, 0
+        self._counts: list[int] = []
+        self._scales: list[float] = []
+        self._places: list[np.ndarray] = []
+        self._numbers: list[np.ndarray] = []
+
+    def add(self, vectors: np.ndarray) -> None:
+        """Keep some (B, K·J), their terms' weights taken off."""
+        factors = self._like.factors
+        weight = np.maximum(factors.weights, 1e-30)
+        texels = cube.FACES * self._like.settings.cube**2
+        parts = vectors.reshape(len(vectors), factors.terms, texels) / weight[:, None]
+        index, number = np.empty(texels, np.uint16), np.empty(texels, np.int16)
+        for vector in parts.reshape(-1, texels).astype(np.float32):
+            count, scale = keep_largest(vector, self._kept, index, number)
+            self._counts.append(count)
+            self._scales.append(scale)
+            self._places.append(index[:count].copy())
+            self._numbers.append(number[:count].copy())
+        self._count += len(vectors)
+
+    def joined(self) -> WaveletTransport:
+        """All of them as a transport."""
+        empty, frames = np.zeros((self._count, 3), np.float32), np.zeros((self._count, 3, 3), np.float32)
+        return WaveletTransport(
+            empty, frames, self._like.factors, self._like.settings,
+            np.concatenate(([0], np.cumsum(self._counts))), np.concatenate(self._places),
+            np.concatenate(self._numbers), np.array(self._scales, np.float32),
+        )  # fmt: skip
