@@ -22,7 +22,7 @@ from homofact.relighting.lobe_table import LobeTable, sun_tables
 from homofact.relighting.plan import ObjectPlan, plan_object
 from homofact.relighting.precompute import TransportCost, TransportSettings, WaveletTransport, cost, transport
 from homofact.relighting.scene_file import RelightGroundTable, RelightObjectTable, RelightSceneFile
-from homofact.relighting.sight import sight_words
+from homofact.relighting.sight import most_sight_bytes, sight_words
 from homofact.relighting.smooth_response import mean_albedo, smooth_response
 from homofact.relighting.sunlight import Sunlight
 from homofact.relighting.tilted_view import TiltedView
@@ -129,16 +129,18 @@ class RelightScene:
         if self.file.clusters:
             peak += _CLUSTERED * max(c.most_bytes for c in costs)
         # Of a separate lobe what every vertex sees: a bit a ray, and half of them are under the horizon.
-        bits = sum(
-            64 * sight_words(choice.settings.cube) * len(placed.mesh.positions)
+        separate = [
+            (choice.settings.cube, len(placed.mesh.positions))
             for placed, choice in zip(self.objects, self.choices, strict=True)
             if choice.material.lobe is not None
-        )
+        ]
+        bits = sum(64 * sight_words(size) * vertices for size, vertices in separate)
+        sight = sum(most_sight_bytes(size) * vertices for size, vertices in separate)
         rays, disk = sum(c.rays for c in costs) + bits // 2, sum(c.disk_bytes for c in costs) + bits // 8
         if self.bounces is not None:
             memory, more = Interreflection.cost(len(positions))
             peak, rays = peak + memory, rays + more
-        return TransportCost(rays, sum(c.most_bytes for c in costs) + bits // 8, peak + bits // 8, disk)
+        return TransportCost(rays, sum(c.most_bytes for c in costs) + sight, peak + bits // 8 + sight, disk)
 
 
 def open_relight_scene(
@@ -155,6 +157,8 @@ def open_relight_scene(
     objects, notes = place_objects(file.objects, file.ground, file.cameras, stage, fits, check, normal_maps=True)
     notes = (*file.notes, *notes)
     occluder = MeshGroup([placed.mesh for placed in objects]).occluder
+    if stage is not None:
+        stage("looking for vertices inside other parts")
     objects = tuple(replace(placed, mesh=with_open_origins(placed.mesh, occluder)) for placed in objects)
     tables = [*file.objects, *([] if file.ground is None else [file.ground])]
     known: dict[tuple[object, ...], FactoredMaterial] = {}

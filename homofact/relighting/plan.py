@@ -25,7 +25,7 @@ from homofact.relighting.harmonic import MOST_ORDER
 from homofact.relighting.precompute import TransportSettings
 from homofact.relighting.probe import ProbedErrors, ProbedVertices, lobe_beside, measured
 from homofact.relighting.seen import seen_vertices
-from homofact.relighting.sight import sight_words
+from homofact.relighting.sight import most_sight_bytes
 from homofact.rendering.light import EnvironmentMap
 
 SIZES = (16, 32, 64)
@@ -180,7 +180,7 @@ class _Considered:
             radiance = environment_cube(self.light, self.cube)
             share, of_lobe = lobe_beside(self.probed, table, radiance, found.sent[:, -1].sum(1)[:, :3])
             found = found.beside(share)
-            stored = table.nbytes + 8 * sight_words(self.cube) * len(self.probed.mesh.positions)
+            stored = table.nbytes + most_sight_bytes(self.cube) * len(self.probed.mesh.positions)
         errors = [whole[0].first(each).expected_error for each in counts]
         vertices, channels = len(self.probed.mesh.positions), whole[0].view.shape[3]
         allowed = math.sqrt(max(self.allowed**2 - (of_lobe or 0.0) ** 2, 0.0))

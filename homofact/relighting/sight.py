@@ -26,6 +26,7 @@ from homofact.relighting.tracer import Tracer
 SIGHT = 64
 _WORD = 64
 _BLOCK = 256
+_FACE_BYTES = 2 * 8 + 4
 _FULL = np.uint64(0xFFFFFFFFFFFFFFFF)
 _EXPECTED = "what vertices see, as homofact wrote it"
 
@@ -125,6 +126,11 @@ def kept_sight(mesh: Mesh, occluder: Occluder, size: int, folder: Path | None) -
 def sight_words(size: int) -> int:
     """Words a vertex for a cube map of so many texels along a face."""
     return cube.FACES * min(size, SIGHT) ** 2 // _WORD
+
+
+def most_sight_bytes(size: int) -> int:
+    """Bytes a vertex of `VertexSight`, at most: every word mixed, and two masks and a start per face."""
+    return 8 * sight_words(size) + _FACE_BYTES * cube.FACES
 
 
 @kernel(nogil=True, inline="always")

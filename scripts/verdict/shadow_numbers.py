@@ -24,11 +24,11 @@ from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
 from homofact.linear.threads import one_thread
 from homofact.stability.fault import CasePart
-from scripts.verdict.planting import FAULTS
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from scripts.shared.harness import data_folder, finish, markdown, parser_of, progress
 from scripts.verdict.drawn_cases import networks
+from scripts.verdict.planting import FAULTS
 from scripts.verdict.suspicion_numbers import LAYOUTS, measured, on_coarse_rings
 
 _PLANTS = {fault.name: fault for fault in FAULTS}
