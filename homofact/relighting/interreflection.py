@@ -39,8 +39,9 @@ from homofact.relighting import cube
 from homofact.relighting.factors import InOutFactors
 from homofact.relighting.haar import transform_faces
 from homofact.relighting.lamps import Lamp
+from homofact.relighting.lit_points import LitPoints
 from homofact.relighting.smooth_response import modes, zernike
-from homofact.relighting.sunlight import LitPoints, Sun, summed
+from homofact.relighting.sunlight import Sun, summed
 from homofact.relighting.tracer import Tracer
 
 OUTER, INNER, _INNER_RAYS = 16, 8, 2

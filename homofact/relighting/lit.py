@@ -124,16 +124,18 @@ class LitObject:
         """What the texture multiplies a table's light by."""
         return 1.0 if self.tint is None else table.under(self.tint.between(points.corners, points.shares), points.wo)
 
-    def suns_at(self, points: SurfacePoints, seen: np.ndarray | None = None) -> np.ndarray:
+    def suns_at(
+        self, points: SurfacePoints, seen: np.ndarray | None = None, sight: PointSight | None = None
+    ) -> np.ndarray:
         """Return the radiance (S, 3) by suns and lamps, whose visible parts are `seen` (S, Q).
 
-        By default these are mixed from the vertices.
+        By default these are mixed from the vertices. `sight` is as in `Sunlight.at`.
         """
         if self.sunlight is None:
             return np.zeros((len(points.frames), 3))
         tint = None if self.tint is None else self.tint.between(points.corners, points.shares)
         parts = points.mixed(self.sunlight.seen) if seen is None else seen
-        return self.sunlight.at(points, self.transport.positions, parts, tint)
+        return self.sunlight.at(points, self.transport.positions, parts, tint, sight)
 
     def only_beside(self, suns: bool, lamps: bool) -> "LitObject":
         """The same with the suns alone, the lamps alone, both or none beside the sky."""
@@ -158,9 +160,9 @@ class LitObject:
     ) -> np.ndarray:
         """Radiance (S, 3) of points between vertices: of the factors mixed, of lobe and suns at the point itself.
 
-        `seen` is as in `suns_at`, `sight` as in `SeparateLobe.at`.
+        `seen` is as in `suns_at`, `sight` as in `SeparateLobe.at` and `Sunlight.at`.
         """
-        return self.terms_at(points, eye) + self.lobe_at(points, sight) + self.suns_at(points, seen)
+        return self.terms_at(points, eye) + self.lobe_at(points, sight) + self.suns_at(points, seen, sight)
 
 
 def lit_tuples(transport: WaveletTransport, compact: Clustered | Harmonic | None, light: Light) -> np.ndarray:

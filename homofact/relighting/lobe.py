@@ -83,9 +83,9 @@ class PointSight:
         """Of the points numbered."""
         return PointSight(self.origins[which], self.occluder)
 
-    def sees(self, which: np.ndarray, directions: np.ndarray) -> np.ndarray:
-        """Whether the points `which` (R,) see the sky in `directions` (R, 3)."""
-        return ~self.occluder.blocked(self.origins[which], directions)
+    def sees(self, which: np.ndarray, directions: np.ndarray, lengths: np.ndarray | None = None) -> np.ndarray:
+        """Whether the points `which` (R,) see in `directions` (R, 3) as far as `lengths` (R,), or the sky."""
+        return ~self.occluder.blocked(self.origins[which], directions, lengths)
 
 
 @dataclass(frozen=True)

@@ -15,9 +15,9 @@ import torch
 from homofact.meshes.mesh import Mesh
 from homofact.meshes.occlusion import Occluder
 from homofact.relighting.lit import LitObject
+from homofact.relighting.lit_points import LitPoints
 from homofact.relighting.lobe import PointSight, SurfacePoints
 from homofact.relighting.mapped_points import bent_back, mapped_points
-from homofact.relighting.sunlight import LitPoints
 from homofact.rendering.light import EnvironmentMap
 from homofact.rendering.sphere import SphereImage
 from homofact.rendering.tonemap import choose_exposure, tonemap
@@ -69,11 +69,12 @@ def picture(
             if lit[number].varied:
                 found[rays] = lit[number].terms_at(points, camera.eye)
             lifted = LitPoints.on(mesh, points, occluder.offset)
+            sight = lifted.sight(occluder)
             if lit[number].lobe is not None:
-                found[rays] += _lobe(lit[number], points, rays, shape[2], lifted.sight(occluder))
+                found[rays] += _lobe(lit[number], points, rays, shape[2], sight)
             if lights:
                 seen = lifted.seen(lights, occluder, _SHADOW_RAYS, seed=number)
-                found[rays] += lit[number].suns_at(points, seen)
+                found[rays] += lit[number].suns_at(points, seen, sight)
         ends = faded(mesh)
         if ends is not None:
             at = (mesh.positions[mesh.triangles[own]] * shares[..., None]).sum(1)

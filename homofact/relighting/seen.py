@@ -19,9 +19,10 @@ from homofact.meshes.occlusion import Occluder
 from homofact.meshes.tangents import frames
 from homofact.relighting import cube
 from homofact.relighting.cones import RoundLight
+from homofact.relighting.lit_points import LitPoints
 from homofact.relighting.lobe import SurfacePoints
 from homofact.relighting.mapped_points import bent_back
-from homofact.relighting.sunlight import LitPoints, summed
+from homofact.relighting.sunlight import summed
 from homofact.relighting.tracer import Tracer
 from homofact.scene.cameras import Camera
 from homofact.scene.normal_map import SurfaceNormals

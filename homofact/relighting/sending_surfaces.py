@@ -21,9 +21,9 @@ from homofact.meshes.occlusion import Occluder
 from homofact.relighting import cube
 from homofact.relighting.cones import RoundLight
 from homofact.relighting.interreflection import SUN_RADIUS
+from homofact.relighting.lit_points import LitPoints
 from homofact.relighting.mapped_points import mapped_points
 from homofact.relighting.seen import SeenVertices
-from homofact.relighting.sunlight import LitPoints
 from homofact.rendering.light import EnvironmentMap
 from homofact.scene.normal_map import SurfaceNormals
 from homofact.scene.tint import SurfaceTint

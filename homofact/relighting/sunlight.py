@@ -4,15 +4,12 @@ A texel of a cube map of 64² is 1.4° wide, three times the sun: its shadow is 
 sun is summed separately, and so is a lamp (`lamps`): L f(ω, ωo) cosθ over the cone that it fills (`cones`), times the
 visible part of that cone above the surface. f is read from tables (`lobe_table.sun_tables`), for the middle of the cone
 or, if the cone is wider than the lobe, for several of its directions. The visible part of the cone is traced once for
-every vertex, and in pictures for each ray of a pixel.
-
-A ray from a flat triangle below an interpolated normal meets its neighbours near the terminator. It starts from the
-point lifted to the tangent planes of its corners (Hanika 2021, Hacking the Shadow Terminator): of each corner v with
-normal n the part of n that lies above, max(0, (v − p)·n), mixed as the point is of its corners.
+every vertex, and in pictures for each ray of a pixel. A lobe narrower than a partly hidden disc mirrors one place of
+it: there pictures trace each direction.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,6 +22,7 @@ from homofact.meshes.occlusion import Occluder
 from homofact.meshes.tangents import frames
 from homofact.relighting.cones import LightCones, RoundLight
 from homofact.relighting.lamps import Lamp
+from homofact.relighting.lit_points import LitPoints, ray_parts
 from homofact.relighting.lobe import PointSight, SurfacePoints
 from homofact.relighting.lobe_table import LobeTable, half_width
 from homofact.scene.suns import SunTable
@@ -38,8 +36,6 @@ SAMPLES, MOST_SAMPLES, LEAST_DIRECTIONS, MOST_DIRECTIONS = 64, 1024, 16, 64
 _ENOUGH = 0.3
 # In radians: the width of the broadest lobe, that of the cosine; narrower cones need no more samples.
 _BROADEST, _NARROW = 0.5, 0.03
-# Rays at a time.
-_RAYS = 2**20
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,59 +82,6 @@ class Sun:
         return {
             "direction": self.direction.tolist(), "irradiance": self.irradiance.tolist(), "radius": self.radius,
         }  # fmt: skip
-
-
-@dataclass(frozen=True)
-class LitPoints:
-    """Points that lights shine on: `origins` (S, 3) that rays start from, and `frames` (S, 3, 3) of their surface.
-
-    Where a normal map tilts the frames, `horizon` (S, 3) are the surface's own normals.
-    """
-
-    origins: np.ndarray
-    frames: np.ndarray
-    horizon: np.ndarray | None = None
-
-    @property
-    def normals(self) -> np.ndarray:
-        """Those of the surface (S, 3), above which light arrives."""
-        return self.frames[:, 2] if self.horizon is None else self.horizon
-
-    @classmethod
-    def on(cls, mesh: Mesh, points: SurfacePoints, offset: float) -> "LitPoints":
-        """Points between the vertices of a mesh, lifted to the corners' tangent planes and off the surface."""
-        corners, normals = mesh.positions[points.corners], mesh.normals[points.corners]
-        shares = points.shares[..., None]
-        flat = (corners * shares).sum(1)
-        above = ((corners - flat[:, None]) * normals).sum(2, keepdims=True).clip(0)
-        origins = flat + (shares * above * normals).sum(1) + offset * points.normals
-        return cls(origins, points.frames, points.horizon)
-
-    def sight(self, occluder: Occluder) -> PointSight:
-        """What meshes hide of the sky from them."""
-        return PointSight(self.origins, occluder)
-
-    def seen(
-        self, lights: Sequence[RoundLight], occluder: Occluder, samples: int, seed: int | None = None
-    ) -> np.ndarray:
-        """How much (S, Q) of each light's disc is not hidden, of the part that is above the surface.
-
-        By so many rays, whose pattern is turned anyhow from point to point where there is a `seed`.
-        """
-        found = np.zeros((len(self.origins), len(lights)), np.float32)
-        for number, light in enumerate(lights):
-            turns = None if seed is None else np.random.default_rng(seed).random(len(self.origins)) * (2 * math.pi)
-            for rows in _parts(len(self.origins), samples):
-                cones, normals = light.cones(self.origins[rows]), self.normals[rows]
-                near = np.flatnonzero((normals * cones.middle).sum(1) > -np.sin(cones.radius))
-                cones, at = cones.only(near), rows[near]
-                w = cones.directions(samples, None if turns is None else turns[at])
-                above = np.einsum("sj,srj->sr", self.normals[at], w) > 0
-                starts, ends = np.broadcast_to(self.origins[at, None], w.shape), cones.lengths(w)
-                clear = above.copy()
-                clear[above] = ~occluder.blocked(starts[above], w[above], ends[above])
-                found[at, number] = clear.sum(1) / above.sum(1).clip(1)
-        return found
 
 
 @dataclass(frozen=True)
@@ -206,29 +149,40 @@ class Sunlight:
         return 1 if filled <= _ENOUGH else min(max(math.ceil(4 * filled), LEAST_DIRECTIONS), MOST_DIRECTIONS)
 
     def at(
-        self, points: SurfacePoints, positions: np.ndarray, seen: np.ndarray, tint: np.ndarray | None = None
+        self,
+        points: SurfacePoints,
+        positions: np.ndarray,
+        seen: np.ndarray,
+        tint: np.ndarray | None = None,
+        sight: PointSight | None = None,
     ) -> np.ndarray:
         """Radiance (S, 3) of points that see the parts (S, Q) of the discs; `positions` (V, 3) are the vertices'.
 
-        `tint` (S, 3) is that of a texture.
+        `tint` (S, 3) is that of a texture. A lobe narrower than a disc mirrors one place of it, which may be hidden
+        though most of the disc is seen: with `sight`, rays find what of a partly hidden disc each direction sees.
         """
         found, places = np.zeros((len(seen), 3)), points.mixed(positions.astype(np.float64))
         for number, light in enumerate(self.lights):
             lit = np.flatnonzero((seen[:, number] > 0) & (points.wo[:, 2] > 0))
             count = self.directions(light, positions)
-            for part in _parts(len(lit), count):
+            for part in ray_parts(len(lit), count):
                 rows, f = lit[part], np.zeros((len(part), 3))
                 cones = light.cones(places[rows])
                 w, parts = self._asked(cones, count, points.frames[rows], points.wo[rows])
                 # Directions above a tilted normal may be under the surface's own horizon.
-                above = np.einsum("snj,sj->sn", w, points.normals[rows]) > 0
+                parts = parts * (np.einsum("snj,sj->sn", w, points.normals[rows]) > 0)
+                clear = np.repeat(seen[rows, number, None], w.shape[1], 1)
+                if sight is not None and count > 1 and self.tables[0].cosine:
+                    # The last `FEW` are for what is broad: of them the mean over the disc, which more rays found.
+                    clear[:, :count] = _seen_ways(sight, cones, w[:, :count], rows, seen[rows, number])
+                parts = parts * clear
                 for table in self.tables:
                     times = np.ones((len(part), 1)) if tint is None else table.under(tint[rows], points.wo[rows])
                     for k in range(w.shape[1]):
-                        on = np.flatnonzero(parts[:, k] * above[:, k])
+                        on = np.flatnonzero(parts[:, k])
                         each = reflected(table, w[on, k], points.frames[rows[on]], points.wo[rows[on]])
                         f[on] += each * times[on] * parts[on, k, None]
-                found[rows] += f * seen[rows, number, None] * cones.irradiance
+                found[rows] += f * cones.irradiance
         return found
 
     def _asked(self, cones: LightCones, count: int, rows: np.ndarray, wo: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -239,6 +193,19 @@ class Sunlight:
             return cones.directions(count), np.repeat((2 / (1 + np.cos(cones.radius)) / count)[:, None], count, 1)
         mirror = np.einsum("sij,si->sj", rows, wo * np.array([-1.0, -1.0, 1.0]))
         return cones.lobe_directions(mirror / np.linalg.norm(mirror, axis=1, keepdims=True), self.width, count)
+
+
+def _seen_ways(sight: PointSight, cones: LightCones, w: np.ndarray, which: np.ndarray, seen: np.ndarray) -> np.ndarray:
+    """What the points numbered `which` (S,) see along directions `w` (S, N, 3) to a light, as (S, N) of 0 and 1.
+
+    Rays are sent where a part of the light is `seen` (S,), and neither all nor nothing.
+    """
+    found = np.repeat(seen[:, None], w.shape[1], 1)
+    partly = np.flatnonzero((seen > 0) & (seen < 1))
+    ways = w[partly]
+    ends, rays = cones.only(partly).lengths(ways), np.repeat(which[partly], w.shape[1])
+    found[partly] = sight.sees(rays, ways.reshape(-1, 3), ends.reshape(-1)).reshape(ways.shape[:2])
+    return found
 
 
 def reflected(
@@ -270,7 +237,7 @@ def summed(
     """
     found = np.zeros((len(wo), 3))
     for light in lights:
-        for rows in _parts(len(wo), SAMPLES):
+        for rows in ray_parts(len(wo), SAMPLES):
             cones = light.cones(points.origins[rows])
             count = _samples(reflectance, cones)
             w, flux = cones.directions(count), cones.flux / count
@@ -291,9 +258,3 @@ def _samples(reflectance: Reflectance, cones: LightCones) -> int:
         return SAMPLES
     step = half_width(reflectance) / 2
     return min(max(math.ceil(math.pi * (widest / step) ** 2), SAMPLES), MOST_SAMPLES)
-
-
-def _parts(count: int, rays: int) -> Iterator[np.ndarray]:
-    """The numbers of `count` points, in parts of about `_RAYS` rays."""
-    size = max(1, _RAYS // rays)
-    return (np.arange(first, min(first + size, count)) for first in range(0, count, size))

@@ -15,10 +15,11 @@ from homofact.meshes.shapes import ground, sphere
 from homofact.meshes.tangents import frames
 from homofact.relighting.errors import relative
 from homofact.relighting.lamps import Lamp, distance_to
+from homofact.relighting.lit_points import LitPoints
 from homofact.relighting.lobe import SurfacePoints
 from homofact.relighting.lobe_table import sun_tables
 from homofact.relighting.seen import seen_vertices
-from homofact.relighting.sunlight import LitPoints, Sun, Sunlight, summed
+from homofact.relighting.sunlight import Sun, Sunlight, summed
 
 LEVELS = np.array([3.0, 2.0, 1.0])
 WHITE = Lambert((1.0, 1.0, 1.0))

@@ -22,6 +22,7 @@ from homofact.relighting import cube
 from homofact.relighting.errors import relative
 from homofact.relighting.factored_material import factored
 from homofact.relighting.lit import LitObject
+from homofact.relighting.lit_points import LitPoints
 from homofact.relighting.lobe import PointSight, SeparateLobe, SurfacePoints
 from homofact.relighting.lobe_light import BRIGHT, LightCells, morton_order
 from homofact.relighting.lobe_table import LobeTable, lobe_table
@@ -30,7 +31,6 @@ from homofact.relighting.precompute import TransportSettings, transport
 from homofact.relighting.relight import RelitMesh
 from homofact.relighting.seen import SeenVertices, seen_pixels, seen_vertices
 from homofact.relighting.sight import SIGHT, VertexSight, kept_sight, seen_part, sight_words, traced_sight
-from homofact.relighting.sunlight import LitPoints
 from homofact.relighting.tracer import Tracer
 from homofact.rendering.light import EnvironmentMap
 from homofact.scene.cameras import Camera

@@ -22,12 +22,13 @@ from homofact.relighting import build
 from homofact.relighting.build import RelightScene, RelitObject, open_relight_scene, relit_objects
 from homofact.relighting.cube import environment_cube
 from homofact.relighting.errors import relative, scene_errors
+from homofact.relighting.lit_points import LitPoints
 from homofact.relighting.lobe import SurfacePoints
 from homofact.relighting.lobe_table import sun_tables
 from homofact.relighting.picture import picture
 from homofact.relighting.result import RelightResult, open_relit
 from homofact.relighting.scene_file import read_relight_scene
-from homofact.relighting.sunlight import LitPoints, Sun, reflected
+from homofact.relighting.sunlight import Sun, Sunlight, reflected, summed
 from homofact.scene.cameras import Camera
 
 SCENE = """
@@ -128,6 +129,30 @@ def test_what_is_seen_of_a_disc_over_an_edge_is_a_segment_s_area() -> None:
     assert LitPoints(origins, up).seen([sun], occluder, 400)[:, 0] == pytest.approx(above, abs=0.02)
     turned = LitPoints(np.repeat(origins, 50, 0), np.repeat(up, 50, 0)).seen([sun], occluder, 8, seed=1)
     assert turned[:, 0].reshape(-1, 50).mean(1) == pytest.approx(above, abs=0.03)
+
+
+def test_a_narrow_lobe_mirrors_what_is_seen_of_the_place_it_points_at() -> None:
+    """The lower half of a disc is hidden: its mirror image is whole in the upper half and black in the lower one."""
+    wall = np.array([[0, 1, -100], [0, 1, 100], [0, -100, 100], [0, -100, -100]], float)
+    occluder = Occluder(wall, np.array([[0, 1, 2], [0, 2, 3]]))
+    radius, up = math.radians(4), np.array([[[1.0, 0, 0], [0, 0, 1], [0, 1, 0]]])
+    sun, gloss = (
+        Sun(np.array([math.sqrt(0.5), math.sqrt(0.5), 0.0]), np.ones(3), radius),
+        Phong((0.1,) * 3, (0.8,) * 3, 2000),
+    )
+    # Views from which the upper, the middle and the lower part of the disc is mirrored; the first point is in the open.
+    angle = math.pi / 4 + np.array([0.0, 0.6, 0.0, -0.6]) * radius
+    wo, frames = np.stack((-np.cos(angle), 0 * angle, np.sin(angle)), 1), np.repeat(up, 4, 0)
+    origins = np.array([[1.0, 0, 0], *[[-1.0, 0, 0]] * 3])
+    points, lit = SurfacePoints.at_vertices(frames, wo, np.arange(4)), LitPoints(origins, frames)
+    seen = lit.seen([sun], occluder, 64)
+    assert seen[:, 0] == pytest.approx([1, 0.5, 0.5, 0.5], abs=0.05)
+    exact, sunlight = summed(gloss, [sun], lit, wo, occluder), Sunlight((sun,), sun_tables(gloss), seen)
+    found = sunlight.at(points, origins, seen, None, lit.sight(occluder))
+    assert exact[3, 0] < 0.1 * exact[1, 0]
+    assert np.abs(found - exact).max() < 0.06 * exact.max()
+    # Without rays the mean over the disc is all that is known.
+    assert sunlight.at(points, origins, seen)[3, 0] > 0.3 * exact[1, 0]
 
 
 def test_flat_triangles_of_a_round_surface_do_not_shade_themselves() -> None:

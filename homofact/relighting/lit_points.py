@@ -1,0 +1,78 @@
+"""Points that explicit lights shine on: where their rays start, and what of a light's disc they see.
+
+A ray from a flat triangle below an interpolated normal meets its neighbours near the terminator. It starts from the
+point lifted to the tangent planes of its corners (Hanika 2021, Hacking the Shadow Terminator): of each corner v with
+normal n the part of n that lies above, max(0, (v − p)·n), mixed as the point is of its corners.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from homofact.meshes.mesh import Mesh
+from homofact.meshes.occlusion import Occluder
+from homofact.relighting.cones import RoundLight
+from homofact.relighting.lobe import PointSight, SurfacePoints
+
+_RAYS = 2**20  # at a time
+
+
+@dataclass(frozen=True)
+class LitPoints:
+    """Points that lights shine on: `origins` (S, 3) that rays start from, and `frames` (S, 3, 3) of their surface.
+
+    Where a normal map tilts the frames, `horizon` (S, 3) are the surface's own normals.
+    """
+
+    origins: np.ndarray
+    frames: np.ndarray
+    horizon: np.ndarray | None = None
+
+    @property
+    def normals(self) -> np.ndarray:
+        """Those of the surface (S, 3), above which light arrives."""
+        return self.frames[:, 2] if self.horizon is None else self.horizon
+
+    @classmethod
+    def on(cls, mesh: Mesh, points: SurfacePoints, offset: float) -> "LitPoints":
+        """Points between the vertices of a mesh, lifted to the corners' tangent planes and off the surface."""
+        corners, normals = mesh.positions[points.corners], mesh.normals[points.corners]
+        shares = points.shares[..., None]
+        flat = (corners * shares).sum(1)
+        above = ((corners - flat[:, None]) * normals).sum(2, keepdims=True).clip(0)
+        origins = flat + (shares * above * normals).sum(1) + offset * points.normals
+        return cls(origins, points.frames, points.horizon)
+
+    def sight(self, occluder: Occluder) -> PointSight:
+        """What meshes hide of the sky from them."""
+        return PointSight(self.origins, occluder)
+
+    def seen(
+        self, lights: Sequence[RoundLight], occluder: Occluder, samples: int, seed: int | None = None
+    ) -> np.ndarray:
+        """How much (S, Q) of each light's disc is not hidden, of the part that is above the surface.
+
+        By so many rays, whose pattern is turned anyhow from point to point where there is a `seed`.
+        """
+        found = np.zeros((len(self.origins), len(lights)), np.float32)
+        for number, light in enumerate(lights):
+            turns = None if seed is None else np.random.default_rng(seed).random(len(self.origins)) * (2 * math.pi)
+            for rows in ray_parts(len(self.origins), samples):
+                cones, normals = light.cones(self.origins[rows]), self.normals[rows]
+                near = np.flatnonzero((normals * cones.middle).sum(1) > -np.sin(cones.radius))
+                cones, at = cones.only(near), rows[near]
+                w = cones.directions(samples, None if turns is None else turns[at])
+                above = np.einsum("sj,srj->sr", self.normals[at], w) > 0
+                starts, ends = np.broadcast_to(self.origins[at, None], w.shape), cones.lengths(w)
+                clear = above.copy()
+                clear[above] = ~occluder.blocked(starts[above], w[above], ends[above])
+                found[at, number] = clear.sum(1) / above.sum(1).clip(1)
+        return found
+
+
+def ray_parts(count: int, rays: int) -> Iterator[np.ndarray]:
+    """The numbers of `count` points, in parts of about `_RAYS` rays."""
+    size = max(1, _RAYS // rays)
+    return (np.arange(first, min(first + size, count)) for first in range(0, count, size))
