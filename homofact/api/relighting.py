@@ -273,11 +273,16 @@ def _relit_mesh(
     made = factored(reflectance, lobe, terms, share, error, size, under)
     occluder = MeshGroup([given, *among]).occluder
 
+    def traced_shadows(done: int, count: int) -> None:
+        steps.run(f"shadows on {given.name}", min(done, count - 1), count)
+
     def traced_block(done: int, count: int) -> None:
         steps.run(f"transport of {given.name}", min(done, count - 1), count)
 
-    moved = transport(given, made.factors, kept, occluder, place, traced_block)
-    return RelitMesh(given, moved, notes, SeparateLobe.traced(made.lobe, given, occluder, kept.cube, place))
+    separate = SeparateLobe.traced(made.lobe, given, occluder, kept.cube, place, traced_shadows)
+    sight = None if separate is None else separate.sight
+    moved = transport(given, made.factors, kept, occluder, place, traced_block, sight=sight)
+    return RelitMesh(given, moved, notes, separate)
 
 
 def _report(

@@ -273,9 +273,17 @@ def relit_objects(
             if progress is not None:
                 progress(name, done, count)
 
+        def tell_shadows(done: int, count: int, name: str = placed.mesh.name) -> None:
+            if progress is not None:
+                progress(f"shadows on {name}", done, count)
+
         folder = None if blocks is None else blocks / f"object_{number}"
-        made = transport(placed.mesh, choice.material.factors, choice.settings, scene.occluder, folder, tell, between)
-        lobe = SeparateLobe.traced(choice.material.lobe, placed.mesh, scene.occluder, choice.settings.cube, folder)
+        where = (placed.mesh, scene.occluder, choice.settings.cube, folder)
+        lobe = SeparateLobe.traced(choice.material.lobe, *where, tell_shadows)
+        sight = None if lobe is None else lobe.sight
+        made = transport(
+            placed.mesh, choice.material.factors, choice.settings, scene.occluder, folder, tell, between, sight
+        )
         compact = None
         if choice.plan is not None and choice.plan.chosen.order is not None:
             compact = harmonic(made, choice.plan.chosen.order)

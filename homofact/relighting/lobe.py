@@ -4,7 +4,7 @@ Nothing of it is precomputed but what each vertex sees, so that a change of ligh
 of the sky that the lobe reaches (`lobe_kernels`), some hundreds a vertex whatever the lobe's width.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -97,13 +97,22 @@ class SeparateLobe:
 
     @classmethod
     def traced(
-        cls, table: LobeTable | None, mesh: Mesh, occluder: Occluder, size: int, folder: Path | None
+        cls,
+        table: LobeTable | None,
+        mesh: Mesh,
+        occluder: Occluder,
+        size: int,
+        folder: Path | None,
+        progress: Callable[[int, int], object] | None = None,
     ) -> "SeparateLobe | None":
         """A material's lobe on a mesh, for cube maps of `size` texels; None where there is no `table`.
 
-        `folder` keeps what the vertices see for a later run. Raises BadInput for a damaged file there.
+        `folder` keeps what the vertices see for a later run; `progress` is called with (blocks done, blocks). Raises
+        BadInput for a damaged file there.
         """
-        return None if table is None else cls(table, VertexSight.of(kept_sight(mesh, occluder, size, folder)))
+        if table is None:
+            return None
+        return cls(table, VertexSight.of(kept_sight(mesh, occluder, size, folder, progress)))
 
     @property
     def nbytes(self) -> int:

@@ -20,27 +20,22 @@ import numba
 import numpy as np
 
 from homofact.errors import BadInput
-from homofact.files.archive import read_arrays, write_arrays
-from homofact.files.atomic import replace_file
-from homofact.files.reading import read_bytes
+from homofact.files.archive import write_arrays
 from homofact.linear.threads import in_parallel
 from homofact.meshes.mesh import Mesh
 from homofact.meshes.occlusion import Occluder
 from homofact.meshes.tangents import frames
 from homofact.relighting import cube
+from homofact.relighting.blocks import BLOCK, LONG, block_file, blocks_folder, claim, joined_blocks, read_block
 from homofact.relighting.factors import InOutFactors
 from homofact.relighting.interreflection import Interreflection
 from homofact.relighting.kernels import keep_above, keep_largest, threshold_of_energy, transport_vectors
+from homofact.relighting.sight import VertexSight
 from homofact.relighting.tracer import Tracer
 
-BLOCK = 256
 KEPT, KEPT_BOUNCED = 96, 64
-_PARTS = ("count", "index", "number", "scale")
-# What is large, and kept in files of its own.
-_LONG = {"index": np.uint16, "number": np.int16}
 # Bytes of memory beside the stored vectors: places and frames with what makes them; counts, scales, starts, products.
 _VERTEX_BYTES, _VECTOR_BYTES = 400, 64
-_EXPECTED = "a block of transport that homofact wrote"
 
 
 @dataclass(frozen=True)
@@ -159,29 +154,28 @@ def transport(
     folder: Path | None = None,
     progress: Callable[[int, int], object] | None = None,
     between: Interreflection | None = None,
+    sight: VertexSight | None = None,
 ) -> WaveletTransport:
     """The transport of every vertex of a mesh among everything that `occluder` holds.
 
     `folder` keeps finished blocks for a later run; blocks of another mesh, material or setting are refused by name.
     `progress` is called with (blocks done, blocks). `between` has the light between surfaces where the factors have
-    terms for it. Raises BadInput for such a folder.
+    terms for it. `sight` is what the vertices see, if that is known; rays find it otherwise.
+    Raises BadInput for such a folder.
     """
     if not len(mesh.positions) or not np.isfinite(mesh.positions).all() or not np.isfinite(mesh.normals).all():
         found = "no vertices" if not len(mesh.positions) else "positions or normals that are not finite"
         raise BadInput(where=mesh.name, found=found, expected="a mesh")
-    work = _Work(mesh, factors, settings, occluder, between)
+    work = _Work(mesh, factors, settings, occluder, between, sight)
     places = list(range(0, len(mesh.positions), BLOCK))
     if folder is not None:
-        if folder.exists() and not folder.is_dir():
-            raise BadInput(where=folder, found="a file", expected="a folder for blocks of transport")
-        folder.mkdir(parents=True, exist_ok=True)
-        _claim(folder, work.fingerprint(), mesh.name)
+        claim(blocks_folder(folder), work.fingerprint(), mesh.name)
     done = [0]
 
     def one(first: int) -> dict[str, np.ndarray]:
-        file = None if folder is None else _block_file(folder, first)
+        file = None if folder is None else block_file(folder, first)
         vertices = min(BLOCK, len(mesh.positions) - first)
-        found = _read(file, work.factors.terms, vertices) if file else None
+        found = read_block(file, work.factors.terms, vertices) if file else None
         if found is None:
             found = work.block(first, first + vertices)
             if file is not None:
@@ -189,7 +183,7 @@ def transport(
         done[0] += 1
         if progress is not None:
             progress(done[0], len(places))
-        return found if file is None else {name: each for name, each in found.items() if name not in _LONG}
+        return found if file is None else {name: each for name, each in found.items() if name not in LONG}
 
     blocks = in_parallel(one, places)
     counts = np.concatenate([each["count"] for each in blocks])
@@ -197,35 +191,12 @@ def transport(
     np.cumsum(counts, out=start[1:])
     scale = np.concatenate([each["scale"] for each in blocks])
     if folder is None:
-        index, number = (np.concatenate([each[name] for each in blocks]) for name in _LONG)
+        index, number = (np.concatenate([each[name] for each in blocks]) for name in LONG)
     else:
-        index, number = _strung(folder, places, int(start[-1]))
+        index, number = joined_blocks(folder, places, int(start[-1]))
     return WaveletTransport(
         mesh.positions.astype(np.float32), work.rows, factors, settings, start, index, number, scale
     )
-
-
-def _block_file(folder: Path, first: int) -> Path:
-    return folder / f"block_{first // BLOCK:05d}.npz"
-
-
-def _strung(folder: Path, places: list[int], entries: int) -> list[np.ndarray]:
-    """`_LONG` of all blocks, one after the other in a file each, mapped: pages are read as they are asked for."""
-    found = []
-    for name, kind in _LONG.items():
-        file = folder / f"{name}.bin"
-
-        def write(target: Path, part: str = name) -> None:
-            with target.open("wb") as out:
-                for first in places:
-                    block = _block_file(folder, first)
-                    out.write(read_arrays(block, read_bytes(block, _EXPECTED), (part,), _EXPECTED)[part].data)
-
-        replace_file(file, write)
-        # Copied where it is written to: nothing writes, but compiled loops know one kind of array then.
-        mapped = np.memmap(file, kind, "c", shape=(entries,)) if entries else np.zeros(0, kind)
-        found.append(np.asarray(mapped))
-    return found
 
 
 class _Work(Tracer):
@@ -238,6 +209,7 @@ class _Work(Tracer):
         settings: TransportSettings,
         occluder: Occluder,
         between: Interreflection | None,
+        sight: VertexSight | None,
     ) -> None:
         if factors.bounced and between is None:
             found = f"{factors.bounced} terms of interreflection"
@@ -247,6 +219,8 @@ class _Work(Tracer):
         self.rows = frames(mesh.normals).astype(np.float32)
         self.maps, self.between = np.ascontiguousarray(factors.light[: factors.direct].transpose(1, 2, 0)), between
         self.weights = factors.weights
+        alike = sight is not None and settings.rays == 1 and sight.side == settings.cube
+        self.seen_by = sight.texels if sight is not None and alike else self.visible
 
     def fingerprint(self) -> str:
         """A digest of everything that decides about the blocks."""
@@ -259,7 +233,7 @@ class _Work(Tracer):
         return digest.hexdigest()
 
     def block(self, first: int, last: int) -> dict[str, np.ndarray]:
-        """`_PARTS` of the vertices from `first` to below `last`."""
+        """`blocks.PARTS` of the vertices from `first` to below `last`."""
         terms, texels = self.factors.terms, len(self.angles)
         vectors = np.empty((terms, texels), np.float32)
         direct, scratch = vectors[: self.factors.direct], np.empty((self.settings.cube,) * 2, np.float32)
@@ -268,7 +242,7 @@ class _Work(Tracer):
         places, numbers = [], []
         tolerance = self.settings.tolerance
         for v in range(first, last):
-            lit = self.visible(v)
+            lit = self.seen_by(v)
             cosine = self.factors.cosine
             transport_vectors(self.rows[v], lit, self.directions, self.angles, self.maps, cosine, direct, scratch)
             if self.between is not None and self.factors.bounced:
@@ -294,31 +268,3 @@ class _Work(Tracer):
             "number": np.concatenate(numbers),
             "scale": scales,
         }
-
-
-def _claim(folder: Path, fingerprint: str, name: str) -> None:
-    """Mark the folder as this precomputation's, or find that it is. Raises BadInput."""
-    mark = folder / "fingerprint.npz"
-    if mark.exists():
-        found = read_arrays(mark, read_bytes(mark, _EXPECTED), ("digest", "mesh"), _EXPECTED)
-        if str(found.get("digest")) != fingerprint:
-            what = f"holds transport of {found.get('mesh')} with another mesh, material or setting"
-            raise BadInput(what, where=folder, expected=f"that of {name} or an empty folder")
-        return
-    if any(folder.glob("block_*.npz")):
-        raise BadInput("holds blocks of transport and no fingerprint", where=folder, expected="an empty folder")
-    write_arrays(mark, {"digest": np.array(fingerprint), "mesh": np.array(name)})
-
-
-def _read(file: Path, terms: int, vertices: int) -> dict[str, np.ndarray] | None:
-    """A finished block, None where it is not there. Raises BadInput for a damaged one."""
-    if not file.exists():
-        return None
-    found = read_arrays(file, read_bytes(file, _EXPECTED), _PARTS, _EXPECTED)
-    if len(found) < len(_PARTS) or len(found["count"]) != vertices * terms:
-        raise BadInput(f"not a whole block of {vertices} vertices", where=file, expected="one, or delete it")
-    if len(found["scale"]) != len(found["count"]) or not np.isfinite(found["scale"]).all():
-        raise BadInput("its scales are not those of its vectors", where=file, expected=f"{_EXPECTED}, or delete it")
-    if found["count"].sum() != len(found["index"]) or len(found["index"]) != len(found["number"]):
-        raise BadInput("its parts do not belong together", where=file, expected=f"{_EXPECTED}, or delete it")
-    return found

@@ -4,9 +4,15 @@ The cube map has at most `SIGHT` texels along a face, in the order of the cells 
 block of 8 × 8 texels. Nine words in ten are all 0 or all 1, under the horizon or in the open. `VertexSight` stores for
 each face which of its words are full, which are mixed, and the mixed ones alone: about a seventh of all words, and
 nothing is lost. The number of mixed words before one is a count of bits.
+
+The transport of the same vertices needs the same rays: it takes them from here (`VertexSight.texels`).
 """
 
+import hashlib
+import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
 
@@ -20,6 +26,7 @@ from homofact.linear.threads import in_parallel
 from homofact.meshes.mesh import Mesh
 from homofact.meshes.occlusion import Occluder
 from homofact.relighting import cube
+from homofact.relighting.blocks import blocks_folder
 from homofact.relighting.lobe_light import morton_order
 from homofact.relighting.tracer import Tracer
 
@@ -73,11 +80,33 @@ class VertexSight:
     @property
     def plain(self) -> np.ndarray:
         """The words (V, 6·n²/64) uint64 that it was made of."""
+        return self._faces(self.full, self.mixed, self.words).reshape(len(self.full), -1)
+
+    def texels(self, vertex: int) -> np.ndarray:
+        """What a vertex sees of each texel, 0 or 1, in the cube map's own order: (6·n²,) float32."""
+        first = int(self.starts[vertex, 0])
+        end = first + sum(int(mixed).bit_count() for mixed in self.mixed[vertex])
+        faces = self._faces(self.full[vertex], self.mixed[vertex], self.words[first:end])
+        found = np.empty((cube.FACES, self.count * _WORD), np.float32)
+        found[:, self._order] = np.unpackbits(faces.astype("<u8").view(np.uint8), axis=1, bitorder="little")
+        return found.reshape(-1)
+
+    @property
+    def side(self) -> int:
+        """Texels along a face."""
+        return math.isqrt(self.count * _WORD)
+
+    @cached_property
+    def _order(self) -> np.ndarray:
+        return morton_order(self.side)
+
+    def _faces(self, full: np.ndarray, mixed: np.ndarray, words: np.ndarray) -> np.ndarray:
+        """The words (..., 6, n²/64) of faces with such masks (..., 6)."""
         place = np.arange(self.count, dtype=np.uint64)
-        full, mixed = ((each[..., None] >> place) & np.uint64(1) > 0 for each in (self.full, self.mixed))
-        faces = np.where(full, _FULL, np.uint64(0))
-        faces[mixed] = self.words
-        return faces.reshape(len(faces), -1)
+        whole, partly = ((each[..., None] >> place) & np.uint64(1) > 0 for each in (full, mixed))
+        faces = np.where(whole, _FULL, np.uint64(0))
+        faces[partly] = words
+        return faces
 
     @property
     def nbytes(self) -> int:
@@ -90,36 +119,58 @@ class VertexSight:
         return SightArrays(self.full, self.mixed, self.starts, self.words, self.count * _WORD)
 
 
-def traced_sight(mesh: Mesh, occluder: Occluder, size: int, which: np.ndarray | None = None) -> np.ndarray:
+def traced_sight(
+    mesh: Mesh,
+    occluder: Occluder,
+    size: int,
+    which: np.ndarray | None = None,
+    progress: Callable[[int, int], object] | None = None,
+) -> np.ndarray:
     """What every vertex sees, or those of `which` (S,): (S, 6·n²/64) uint64.
 
-    n is the size of the cube map, at most `SIGHT`.
+    n is the size of the cube map, at most `SIGHT`. `progress` is called with (blocks done, blocks).
     """
     side = min(size, SIGHT)
     tracer, order = Tracer(mesh, occluder, side), morton_order(side)
     vertices = np.arange(len(mesh.positions)) if which is None else which
     words = np.zeros((len(vertices), sight_words(size)), np.uint64)
+    blocks, done = list(range(0, len(words), _BLOCK)), [0]
 
     def block(first: int) -> None:
         for row in range(first, min(first + _BLOCK, len(words))):
             seen = tracer.visible(int(vertices[row])).reshape(cube.FACES, -1)[:, order].reshape(-1) > 0
             words[row] = np.packbits(seen, bitorder="little").view("<u8")
+        done[0] += 1
+        if progress is not None:
+            progress(done[0], len(blocks))
 
-    in_parallel(block, list(range(0, len(words), _BLOCK)))
+    in_parallel(block, blocks)
     return words
 
 
-def kept_sight(mesh: Mesh, occluder: Occluder, size: int, folder: Path | None) -> np.ndarray:
-    """`traced_sight`, kept in the folder of the object's blocks for a later run. Raises BadInput for a damaged file."""
+def kept_sight(
+    mesh: Mesh,
+    occluder: Occluder,
+    size: int,
+    folder: Path | None,
+    progress: Callable[[int, int], object] | None = None,
+) -> np.ndarray:
+    """`traced_sight`, kept in the folder of the object's blocks for a later run.
+
+    Raises BadInput for a damaged file there, or one of other surfaces.
+    """
     if folder is None:
-        return traced_sight(mesh, occluder, size)
-    file = folder / "sight.npz"
+        return traced_sight(mesh, occluder, size, progress=progress)
+    digest = hashlib.sha256()
+    for each in (mesh.lit_at, mesh.normals, *occluder.arrays):
+        digest.update(np.ascontiguousarray(each).data)
+    file, own = blocks_folder(folder) / "sight.npz", digest.hexdigest()
     if not file.exists():
-        write_arrays(file, {"sight": traced_sight(mesh, occluder, size)})
-    found = read_arrays(file, read_bytes(file, _EXPECTED), ("sight",), _EXPECTED).get("sight")
-    shape = (len(mesh.positions), sight_words(size))
-    if found is None or found.dtype != np.uint64 or found.shape != shape:
-        raise BadInput("not what so many vertices see", where=file, expected=f"{_EXPECTED}, or delete it")
+        write_arrays(file, {"sight": traced_sight(mesh, occluder, size, progress=progress), "digest": np.array(own)})
+    read = read_arrays(file, read_bytes(file, _EXPECTED), ("sight", "digest"), _EXPECTED)
+    found, shape = read.get("sight"), (len(mesh.positions), sight_words(size))
+    if found is None or found.dtype != np.uint64 or found.shape != shape or str(read.get("digest")) != own:
+        raise BadInput("not what these vertices see", where=file, expected=f"{_EXPECTED}, or delete it")
     return found
 
 

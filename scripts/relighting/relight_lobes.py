@@ -135,8 +135,9 @@ def row_of(mesh_name: str, name: str, given: Reflectance, scene: Scene, chosen: 
     mesh, occluder = scene.mesh, scene.occluder
     made = factored(given, chosen.lobe, chosen.terms)
     begun, processor = time.perf_counter(), time.process_time()
-    moved = transport(mesh, made.factors, TransportSettings(scene.size, kept=chosen.kept), occluder)
     lobe = SeparateLobe.traced(made.lobe, mesh, occluder, scene.size, None)
+    sight = None if lobe is None else lobe.sight
+    moved = transport(mesh, made.factors, TransportSettings(scene.size, kept=chosen.kept), occluder, sight=sight)
     spent, processor = time.perf_counter() - begun, time.process_time() - processor
     stored = moved.nbytes + made.factors.view.nbytes + (0 if lobe is None else lobe.nbytes)
     pixels = seen_pixels([mesh], 0, given, occluder, Camera(EYE, field=36.0, pixels=(640, 480)), chosen.pixels)

@@ -21,6 +21,7 @@ from homofact.meshes.tangents import frames
 from homofact.relighting import cube
 from homofact.relighting.errors import relative
 from homofact.relighting.factored_material import factored
+from homofact.relighting.factoring import factor
 from homofact.relighting.lit import LitObject
 from homofact.relighting.lit_points import LitPoints
 from homofact.relighting.lobe import PointSight, SeparateLobe, SurfacePoints
@@ -194,15 +195,40 @@ def test_words_that_are_stored_apart_are_all_there(size: int) -> None:
         assert found == pytest.approx(parts)
 
 
-def test_what_is_seen_is_kept_for_a_later_run(tmp_path: Path) -> None:
-    first = kept_sight(ball(), MeshGroup([ball()]).occluder, 8, tmp_path)
-    # Read, not traced again: another occluder changes nothing.
-    assert np.array_equal(kept_sight(ball(), occluder(), 8, tmp_path), first)
-    for other in (16, 8):
-        mesh = ball() if other == 16 else knot()
+def test_what_is_seen_is_kept_for_a_later_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    alone = MeshGroup([ball()]).occluder
+    first = kept_sight(ball(), alone, 8, tmp_path)
+    monkeypatch.setattr("homofact.relighting.sight.traced_sight", None)
+    assert np.array_equal(kept_sight(ball(), alone, 8, tmp_path), first)
+    # Of another cube map, among other surfaces, of another mesh.
+    for mesh, among, size in ((ball(), alone, 16), (ball(), occluder(), 8), (knot(), occluder(), 8)):
         with pytest.raises(BadInput) as caught:
-            kept_sight(mesh, occluder(), other, tmp_path)
+            kept_sight(mesh, among, size, tmp_path)
         assert str(caught.value.where).endswith("sight.npz")
+
+
+@pytest.mark.parametrize("size", [8, 16])
+def test_transport_takes_what_is_seen_instead_of_rays(size: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    words = traced_sight(knot(), occluder(), size)
+    sight, order = VertexSight.of(words), morton_order(size)
+    bits = np.unpackbits(words.view(np.uint8), axis=1, bitorder="little").reshape(len(words), 6, -1)
+    for vertex in (0, 17, 100):
+        seen = np.zeros((6, size * size), np.float32)
+        seen[:, order] = bits[vertex]
+        assert np.array_equal(sight.texels(vertex), seen.reshape(-1))
+    given = factor(Phong((0.3, 0.2, 0.1), (0.4,) * 3, 30), 2, map_size=8), TransportSettings(size, kept=40), occluder()
+    traced = transport(knot(), *given)
+    coarse, twice = (
+        transport(knot(), given[0], TransportSettings(side, rays=rays, kept=40), occluder(), sight=known)
+        for side, rays, known in ((8 if size == 16 else 16, 1, sight), (size, 2, sight))
+    )
+    monkeypatch.setattr(Tracer, "visible", None)
+    taken = transport(knot(), *given, sight=sight)
+    for name in ("start", "index", "number", "scale"):
+        assert np.array_equal(getattr(taken, name), getattr(traced, name))
+    # What it was traced for is another cube map, or has one ray per texel: rays are sent.
+    assert coarse.settings.cube != size
+    assert not np.array_equal(twice.scale, traced.scale)
 
 
 @pytest.mark.slow
