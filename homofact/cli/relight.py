@@ -65,6 +65,7 @@ def likeness_line(found: Mapping[str, Any]) -> str:
     width, height = found["pixels"]
     looks = [f"PSNR {found['psnr']:.1f} dB"] if "psnr" in found else []
     looks += [f"FLIP {found['flip']:.3f}"] if "flip" in found else []
+    looks += [f"under the {found['curve']} curve"] if looks and "curve" in found else []
     parts = ", ".join([f"relative RMS {found['error']:.2%}", *looks])
     return f"The whole picture at {width} × {height}: {parts}"
 
@@ -103,6 +104,8 @@ def error_tables(objects: Sequence[Mapping[str, Any]]) -> list[Table]:
 
     Several tables where the objects are more than a narrow terminal has room for.
     """
+    from homofact.rendering.tonemap import DEFAULT_CURVE
+
     tables = []
     for first in range(0, len(objects), _BESIDE):
         some = objects[first : first + _BESIDE]
@@ -117,7 +120,7 @@ def error_tables(objects: Sequence[Mapping[str, Any]]) -> list[Table]:
             table.add_row(stage, *[figure(found[stage]) if found and stage in found else "–" for found in errors])
             if stage == "picture":
                 ratios = [f"{found['psnr']:.1f} dB" if found and "psnr" in found else "–" for found in errors]
-                table.add_row("PSNR", *ratios)
+                table.add_row(f"PSNR, {DEFAULT_CURVE}", *ratios)
         table.add_row("below zero", *[f"{found['below_zero']:.2%}" if found else "not seen" for found in errors])
         tables.append(table)
     return tables

@@ -25,7 +25,7 @@ from homofact.errors import BadInput
 from homofact.files.fields import Fields
 from homofact.files.kinds import PREPARED
 from homofact.rendering.sphere import SphereImage
-from homofact.rendering.tonemap import choose_exposure, tonemap
+from homofact.rendering.tonemap import DEFAULT_CURVE, automatic_exposure, tonemap
 from homofact.scene.file_fits import FileFit, FileFits
 from homofact.scene.folders import report_name, write_scene_folder
 from homofact.scene.materials import Stage
@@ -99,7 +99,7 @@ class EditResult:
 
 
 def pictures(prepared: PreparedScene) -> list[np.ndarray]:
-    """8-bit sRGB (H, W, 3) of every view as curves start, all at the exposure that suits the first.
+    """8-bit sRGB (H, W, 3) of every view as curves start: the filmic curve, at the automatic exposure of the first.
 
     Small views are enlarged to about 640 pixels across, at most eight times.
     """
@@ -108,9 +108,9 @@ def pictures(prepared: PreparedScene) -> list[np.ndarray]:
     for view, camera in enumerate(prepared.scene.cameras):
         times = min(max(round(_WIDTH / camera.pixels[0]), 1), _MOST_TIMES)
         found.append(enlarged(prepared, view, radiance(prepared, view, curves), times))
-    exposure = choose_exposure(SphereImage(_as_rgb(found[0].radiance), found[0].coverage))
+    exposure = automatic_exposure(SphereImage(_as_rgb(found[0].radiance), found[0].coverage))
     shown = [SphereImage(_as_rgb(each.radiance), torch.ones_like(each.coverage)) for each in found]
-    return [tonemap(each, exposure).pixels.numpy() for each in shown]
+    return [tonemap(each, exposure, curve=DEFAULT_CURVE).pixels.numpy() for each in shown]
 
 
 def _as_rgb(values: torch.Tensor) -> torch.Tensor:

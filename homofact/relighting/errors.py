@@ -23,7 +23,7 @@ squares over vertices that the eye sees, by the area that they take in its pictu
 
 Where a lobe is separate, the stages of terms, maps, truncation and so on are those of what is left of f, against the
 light of all of f; where there are suns or a bounce, theirs is in this light. The `psnr` in dB is of those pixels as
-8-bit sRGB, tone-mapped as pictures are.
+8-bit sRGB, tone-mapped as pictures are: under the filmic curve, at the automatic exposure.
 `below zero` is the light that negative residues take away: Σ max(−B̂, 0)/Σ|B̂|.
 """
 
@@ -59,7 +59,7 @@ from homofact.relighting.sunlight import SAMPLES, summed
 from homofact.relighting.tracer import Tracer
 from homofact.rendering.light import EnvironmentMap
 from homofact.rendering.sphere import SphereImage
-from homofact.rendering.tonemap import choose_exposure
+from homofact.rendering.tonemap import automatic_exposure
 
 FINE, _RIM_PART = 4, 4
 _FINE_MAPS, _TRIANGLES = 128, 200
@@ -243,9 +243,9 @@ def relative(
 
 
 def _psnr(found: np.ndarray, truth: np.ndarray) -> float:
-    """Of pixels (S, 3) as 8-bit sRGB at the exposure that suits the truth."""
+    """Of pixels (S, 3) as pictures show them: the filmic curve at the automatic exposure of the truth, in 8 bits."""
     cover = np.ones((len(truth), 1))
-    exposure = choose_exposure(SphereImage(torch.from_numpy(truth[:, None]), torch.from_numpy(cover)))
+    exposure = automatic_exposure(SphereImage(torch.from_numpy(truth[:, None]), torch.from_numpy(cover)))
     shown, wanted = (displayed_picture(each[:, None], cover, exposure) / 255.0 for each in (found, truth))
     return psnr_of(torch.from_numpy(shown), torch.from_numpy(wanted), torch.from_numpy(cover > 0))
 

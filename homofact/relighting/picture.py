@@ -20,7 +20,7 @@ from homofact.relighting.lobe import PointSight, SurfacePoints
 from homofact.relighting.mapped_points import bent_back, mapped_points
 from homofact.rendering.light import EnvironmentMap
 from homofact.rendering.sphere import SphereImage
-from homofact.rendering.tonemap import choose_exposure, tonemap
+from homofact.rendering.tonemap import DEFAULT_CURVE, automatic_exposure, tonemap
 from homofact.scene.cameras import Camera
 from homofact.scene.meshes import MeshGroup, faded
 from homofact.scene.normal_map import SurfaceNormals
@@ -120,8 +120,8 @@ def surface_points(
 
 
 def displayed_picture(radiance: np.ndarray, coverage: np.ndarray, exposure: float | None = None) -> np.ndarray:
-    """8-bit sRGB (H, W, 3) of a picture, at the exposure that suits its objects unless one is given."""
+    """8-bit sRGB (H, W, 3) of a picture: the filmic curve, at the automatic exposure of its objects or a given one."""
     shown = torch.from_numpy(np.maximum(radiance, 0))
-    chosen = choose_exposure(SphereImage(shown, torch.from_numpy(coverage))) if exposure is None else exposure
+    chosen = automatic_exposure(SphereImage(shown, torch.from_numpy(coverage))) if exposure is None else exposure
     whole = SphereImage(shown, torch.ones(coverage.shape, dtype=torch.float64))
-    return tonemap(whole, chosen).pixels.numpy()
+    return tonemap(whole, chosen, curve=DEFAULT_CURVE).pixels.numpy()

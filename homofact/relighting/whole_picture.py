@@ -2,8 +2,9 @@
 
 The pictures show the first camera at `ROWS` rows with one ray per pixel. The approximate picture uses the factors,
 lobes and suns. The exact one uses the reflectance itself under every texel of the cube map and 64 directions of each
-sun. Both are tone-mapped at the exposure of the exact picture and compared before they are rounded to 8 bits; PSNR and
-FLIP are means over the objects' pixels. Both leave out the soft edge of the ground.
+sun. Both are tone-mapped by the filmic curve at the automatic exposure of the exact picture, as pictures and the page
+are, and compared before they are rounded to 8 bits; PSNR and FLIP are means over the objects' pixels. Both leave out
+the soft edge of the ground.
 """
 
 import math
@@ -22,7 +23,7 @@ from homofact.relighting.seen import seen_pixels
 from homofact.relighting.sending_surfaces import FEW_NODES
 from homofact.relighting.sunlight import SAMPLES, summed
 from homofact.rendering.sphere import SphereImage
-from homofact.rendering.tonemap import choose_exposure, displayed
+from homofact.rendering.tonemap import DEFAULT_CURVE, automatic_exposure, displayed
 
 ROWS = 60
 _PART = 64  # pixels between two reports of progress
@@ -42,7 +43,7 @@ class PictureLikeness:
 
     def record(self) -> dict[str, object]:
         """The JSON form."""
-        found: dict[str, object] = {"pixels": list(self.pixels), "error": self.error}
+        found: dict[str, object] = {"pixels": list(self.pixels), "error": self.error, "curve": DEFAULT_CURVE}
         return found | {name: value for name, value in (("psnr", self.psnr), ("flip", self.flip)) if _finite(value)}
 
 
@@ -96,9 +97,11 @@ def picture_likeness(
     inside = cover > 0
     pictures = [torch.from_numpy(values.reshape(height, width, 3)) for values in (exact, shown)]
     mask = torch.from_numpy(inside.reshape(height, width))
-    exposure = choose_exposure(SphereImage(pictures[0], mask.double()))
+    exposure = automatic_exposure(SphereImage(pictures[0], mask.double()))
     whole = torch.ones(height, width, dtype=torch.float64)
-    first, second = (displayed(SphereImage(each.clamp_min(0), whole), exposure) for each in pictures)
+    first, second = (
+        displayed(SphereImage(each.clamp_min(0), whole), exposure, curve=DEFAULT_CURVE) for each in pictures
+    )
     try:
         looks = flip(first, second, mask)
     except MissingDependency:

@@ -2,9 +2,6 @@
 
 const RADIUS = 0.94;               // of half the picture's shorter side, as in the project's own renderer
 const GROUND = 0.024;              // linear grey behind the object, likewise
-// The automatic exposure, as rendering/tonemap.py has it: the stops that take the 99th percentile to 0.9, and those
-// that take the median to 0.18, which weigh 0.7.
-const EXPOSED_AT = 0.9, MIDDLE = 0.18, MIDDLE_SHARE = 0.7;
 const PASSES = {
   directional: { sphere: 1, mesh: 16 }, overcast: { sphere: 48, mesh: 48 }, studio: { sphere: 64, mesh: 64 },
   sky: { sphere: 96, mesh: 96 },
@@ -185,10 +182,7 @@ class Stage {
     context.drawImage(this.canvas, 0, 0);
   }
 
-  /**
-   * The stops of a layer's picture, as the project's renderer chooses them: of the 99th percentile of the brightest
-   * channel, and of the median brightness of what is lit.
-   */
+  /** The stops of the automatic exposure of a layer's picture, in tenths. */
   autoStops(state, key) {
     const gl = this.gl, isPoint = state.light === "directional", [side, passes] = isPoint ? [96, 1] : [48, 16];
     this.findShadows(state);
@@ -204,20 +198,12 @@ class Stage {
     const pixels = new Float32Array(4 * side * side);
     gl.readPixels(0, 0, side, side, gl.RGBA, gl.FLOAT, pixels);
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
-    const largest = [], brightness = [];
+    const covered = [];
     for (let i = 0; i < pixels.length; i += 4) {
       if (!(pixels[i + 3] > 0)) continue;
-      const channels = [0, 1, 2].map((k) => pixels[i + k] / pixels[i + 3]);
-      largest.push(Math.max(...channels));
-      brightness.push((channels[0] + channels[1] + channels[2]) / 3);
+      for (let k = 0; k < 3; k++) covered.push(pixels[i + k] / pixels[i + 3]);
     }
-    const lit = brightness.filter((each) => each > 0);
-    for (const each of [largest, lit]) each.sort((a, b) => a - b);
-    const highlight = largest[Math.floor(0.99 * (largest.length - 1))] || largest.at(-1) || 0;
-    const middle = lit[Math.floor(0.5 * (lit.length - 1))] ?? 0;
-    if (!(highlight > 0 && middle > 0)) return 0;
-    const stops = MIDDLE_SHARE * Math.log2(MIDDLE / middle) + (1 - MIDDLE_SHARE) * Math.log2(EXPOSED_AT / highlight);
-    return Math.round(10 * stops) / 10;
+    return Math.round(10 * automaticStops(covered, 3)) / 10;
   }
 
   /** {width, height, values}: the sums of a layer's passes, four numbers a pixel (radiance, coverage), from below. */

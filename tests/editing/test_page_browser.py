@@ -17,7 +17,7 @@ from homofact.editing.picture import Address, image
 from homofact.editing.session import Session
 from homofact.geometry.directions import normalize
 from homofact.rendering.sphere import SphereImage
-from homofact.rendering.tonemap import choose_middle, tonemap
+from homofact.rendering.tonemap import automatic_exposure, tonemap
 
 # What a half float leaves of each value.
 HALF = 2.0**-11
@@ -229,7 +229,7 @@ def mapped(session: Session, view: int, exposure: float, curve: str) -> np.ndarr
 @pytest.mark.slow
 def test_what_is_seen_is_tone_mapped_as_elsewhere(page: Any) -> None:
     start, session = Session(page_prepared()), Session(page_prepared())
-    exposure = choose_middle(SphereImage(*image(start.prepared, 0, start.picture(0))))
+    exposure = automatic_exposure(SphereImage(*image(start.prepared, 0, start.picture(0))))
     seen = start.prepared.pixels
     # But for the ground where it ends, which shows the sky behind it.
     meshes = [edited.mesh for edited in start.prepared.scene.objects]

@@ -1,19 +1,25 @@
 """Lamps on the page of a relit scene: their light at vertices, light and shadows at pixels, seen and switched off."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
+import torch
 from browser import headless
 from coarse import coarse_shapes, coarse_terms
-from relit_page import ANGLE, change, library_picture, relit_page, shown_picture, statistics
+from relit_page import ANGLE, change, library_picture, relit_page, shown_picture, slide, statistics, words
 
 from homofact.relighting.build import RelitObject, open_relight_scene, relit_objects
 from homofact.relighting.errors import relative
+from homofact.relighting.picture import picture
 from homofact.relighting.result import RelightResult
 from homofact.relighting.scene_file import read_relight_scene
+from homofact.rendering.sphere import SphereImage
+from homofact.rendering.tonemap import automatic_exposure
+from homofact.scene.meshes import MeshGroup
 
 # The first lamp is beside the objects and has one shadow map, the second is among them and has six.
 SCENE = """
@@ -80,21 +86,26 @@ def opened(scene: RelightResult, tmp_path_factory: pytest.TempPathFactory) -> It
 @pytest.fixture
 def lamps(opened: Any) -> Any:
     """The page as it began."""
-    change(opened, turn=0, suns=True, lamps=True, sky=0, interpolation="vertex", show="picture")
+    change(opened, turn=0, suns=True, lamps=True, levels=[1, 1, 1], sky=0, interpolation="vertex", show="picture")
     opened.execute_script("homofact.view.orbit.reset(); homofact.changed('light-shown')")
     headless.settled(opened)
     return opened
 
 
-def lit_by(objects: tuple[RelitObject, ...], *numbers: int) -> list[RelitObject]:
-    """The objects under these of their lamps alone, the others dark."""
+def lit_at(objects: tuple[RelitObject, ...], *levels: float) -> list[RelitObject]:
+    """The objects under their lamps at these levels."""
     found = []
     for each in objects:
         assert each.sunlight is not None
-        pairs = enumerate(each.sunlight.lamps)
-        changed = tuple(replace(lamp, intensity=lamp.intensity * (k in numbers)) for k, lamp in pairs)
+        pairs = zip(each.sunlight.lamps, levels, strict=True)
+        changed = tuple(replace(lamp, intensity=lamp.intensity * level) for lamp, level in pairs)
         found.append(replace(each, sunlight=replace(each.sunlight, lamps=changed)))
     return found
+
+
+def lit_by(objects: tuple[RelitObject, ...], *numbers: int) -> list[RelitObject]:
+    """The objects under these of their lamps alone, the others dark."""
+    return lit_at(objects, *(float(k in numbers) for k in range(2)))
 
 
 def compared(driver: Any, scene: RelightResult, objects: list[RelitObject], suns: bool = True) -> np.ndarray:
@@ -134,6 +145,65 @@ def test_pixels_have_light_and_shadow_of_the_lamps(lamps: Any, scene: RelightRes
         assert compared(lamps, scene, lit_by(scene.objects, *other)).mean() > 8
 
 
+def test_a_slider_makes_each_lamp_brighter_or_darker(lamps: Any, scene: RelightResult) -> None:
+    """At pixels and on the processor, light that surfaces send on included; the exposure stays."""
+    stops = lamps.execute_script("return homofact.view.stops")
+    # A slider's place is the level's square root.
+    slide(lamps, "level-1", 0.5)
+    slide(lamps, "level-2", 2)
+    assert lamps.execute_script("return homofact.view.shining") == [1, 0.25, 4]
+    assert lamps.execute_script("return homofact.view.stops") == stops
+    assert words(lamps, "levels") == "Sun level100%100%Lamp 125%100%Lamp 2400%100%"
+    expected = lit_at(scene.objects, 0.25, 4)
+    apart = compared(lamps, scene, expected)
+    assert np.median(apart) < 1.5
+    assert apart.mean() < 3.2
+    assert compared(lamps, scene, list(scene.objects)).mean() > 8
+    found = lamps.execute_script("return homofact.view.shade().map((each) => Array.from(each))")
+    for one, each in zip(found, expected, strict=True):
+        assert relative(np.array(one).reshape(-1, 3), each.lit(DAY, True).shade(scene.cameras[0].eye)) < 5e-3
+    # The reference is of lamps as they were.
+    assert statistics(lamps)["error"] is None
+    assert "as bright as in the scene’s file" in words(lamps, "error-words")
+    lamps.execute_script("document.querySelectorAll('#levels button').forEach((each) => each.click())")
+    assert words(lamps, "levels") == "Sun level100%100%Lamp 1100%100%Lamp 2100%100%"
+    assert statistics(lamps)["error"] < 0.01
+
+
+def test_a_lamp_or_sun_at_nothing_is_not_there(lamps: Any, scene: RelightResult) -> None:
+    slide(lamps, "level-0", 0)
+    slide(lamps, "level-2", 0)
+    assert np.median(compared(lamps, scene, lit_by(scene.objects, 0), suns=False)) < 1.5
+    # The lamp itself is no longer seen either.
+    drawn = (
+        "const { gl, lamps } = homofact.view.stage, draw = gl.drawElements; let count = 0;"
+        "gl.drawElements = (...given) => { count += 1; draw.apply(gl, given); };"
+        "lamps.draw(homofact.view.stage, homofact.view, 1); delete gl.drawElements; return count"
+    )
+    assert lamps.execute_script(drawn) == 1
+
+
+def test_the_page_s_exposure_is_that_of_the_library_s_picture(lamps: Any, scene: RelightResult) -> None:
+    lit, meshes = [each.lit(DAY, True) for each in scene.objects], [each.mesh for each in scene.objects]
+    eye = scene.cameras[0].eye
+    given = meshes, [each.terms(eye) for each in lit], MeshGroup(meshes).occluder, scene.cameras[0]
+    radiance, cover = picture(*given, scene.sky.environment(), lit)
+    shown = SphereImage(torch.from_numpy(radiance), torch.from_numpy(cover))
+    stops = lamps.execute_script("return homofact.view.stops")
+    assert stops == pytest.approx(math.log2(automatic_exposure(shown)), abs=0.06)
+    # Far from it the picture is measured again, as half floats would need.
+    script = (
+        "const v = homofact.view, own = v.stage.meter.pixels(v, 0);"
+        "return [0, 20, -20].map((by) => { const p = v.stage.meter.pixels;"
+        " v.stage.meter.pixels = (view, stops) => own.map((x) => Math.min(x * 2 ** (stops + by), 6e4));"
+        " const found = v.stage.meter.stops(v) + by; v.stage.meter.pixels = p; return found; })"
+    )
+    assert lamps.execute_script(script) == pytest.approx([stops] * 3, abs=0.01)
+    # Without pictures of floats, by vertices.
+    script = "const m = homofact.view.stage.meter, f = m.frame; m.frame = null; const s = m.stops(homofact.view);"
+    assert lamps.execute_script(f"{script} m.frame = f; return s") == pytest.approx(stops, abs=1)
+
+
 @pytest.mark.slow
 def test_lamps_stay_where_they_are_under_another_sky_and_a_turned_one(lamps: Any, scene: RelightResult) -> None:
     """The sky has the same radiance from everywhere, so that its turn changes the sun alone."""
@@ -143,9 +213,9 @@ def test_lamps_stay_where_they_are_under_another_sky_and_a_turned_one(lamps: Any
     assert np.median(compared(lamps, scene, list(scene.objects), suns=False)) < 1.5
     shining = "return homofact.view.shining"
     change(lamps, turn=0, suns=True, sky=1)
-    assert lamps.execute_script(shining) == [False, True, True]
+    assert lamps.execute_script(shining) == [0, 1, 1]
     change(lamps, sky=0)
-    assert lamps.execute_script(shining) == [True, True, True]
+    assert lamps.execute_script(shining) == [1, 1, 1]
 
 
 @pytest.mark.slow

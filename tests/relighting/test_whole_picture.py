@@ -14,6 +14,7 @@ from homofact.relighting.build import RelightScene, RelitObject, open_relight_sc
 from homofact.relighting.scene_file import read_relight_scene
 from homofact.relighting.whole_picture import PictureLikeness, picture_likeness
 from homofact.rendering.light import EnvironmentMap
+from homofact.rendering.tonemap import DEFAULT_CURVE
 
 SCENE = """
 [[object]]
@@ -62,7 +63,8 @@ def test_a_convex_matt_ball_is_nearly_exact(ball: Made) -> None:
     assert found.psnr > 40
     assert found.flip is not None
     assert 0 < found.flip < 0.06
-    assert set(found.record()) == {"pixels", "error", "psnr", "flip"}
+    assert set(found.record()) == {"pixels", "error", "curve", "psnr", "flip"}
+    assert found.record()["curve"] == DEFAULT_CURVE
 
 
 def test_the_error_is_that_of_the_light(ball: Made, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -146,7 +146,7 @@ class Page {
 
   /** The exposure that goes with a state's picture. */
   expose(state) {
-    this.stops = Tones.stops(state === this.history.state ? this.view.radiance : this.view.other(state), this.data.channels.length, this.state.tones);
+    this.stops = automaticStops(state === this.history.state ? this.view.radiance : this.view.other(state), this.data.channels.length);
     this.state.stops = 0;
   }
 

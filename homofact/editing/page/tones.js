@@ -2,7 +2,6 @@
 
 // Sign, exponent and 9 bits of the fraction: steps of 0.2%, well under one of 255.
 const BITS = 14;
-const TARGET = 0.9, MIDDLE = 0.18;
 
 class Tones {
   constructor() {
@@ -21,20 +20,6 @@ class Tones {
       bits[0] = (i << BITS) + (1 << (BITS - 1));
       this.table[i] = value[0] < Infinity ? Math.round(255 * toneOf(value[0] * exposure, curve === "filmic")) : 255;
     }
-  }
-
-  /** The stops that a picture (P × C) begins with: its 99th percentile to 0.9, or its median to 0.18 under "filmic". */
-  static stops(radiance, channels, curve) {
-    const levels = [];
-    for (let p = 0; p < radiance.length; p += channels) {
-      let level = radiance[p];
-      for (let c = 1; c < channels; c++) level = curve === "filmic" ? level + radiance[p + c] : Math.max(level, radiance[p + c]);
-      if (curve === "filmic") level /= channels;
-      if (level > 0 || curve !== "filmic") levels.push(level);
-    }
-    levels.sort((a, b) => a - b);
-    const level = curve === "filmic" ? levels[levels.length >> 1] : levels[Math.floor(0.99 * (levels.length - 1))] || levels.at(-1);
-    return level > 0 ? Math.log2((curve === "filmic" ? MIDDLE : TARGET) / level) : 0;
   }
 
   /** Fills the bytes of a picture from whole ones (W·H × 3): `now` right of the column `cut`, `before` left of it. */

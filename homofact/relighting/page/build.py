@@ -47,8 +47,8 @@ PACKAGE = "homofact.relighting.page"
 SHARED = ("hdr.js", "latlong.js")
 SCRIPTS = (
     "cube.js", "sky.js", "turner.js", "tint.js", "lobe.js", "suns.js", "transport.js", "relit.js", "shade.js",
-    "lobe_gpu.js", "bumps.js", "suns_gpu.js", "lamps_gpu.js", "shaders.js", "gpu.js", "background.js", "stage.js",
-    "highlights.js", "camera.js", "readings.js", "controls.js", "page.js",
+    "lobe_gpu.js", "bumps.js", "suns_gpu.js", "lamps_gpu.js", "shaders.js", "gpu.js", "background.js", "meter.js",
+    "stage.js", "highlights.js", "camera.js", "readings.js", "controls.js", "page.js",
 )  # fmt: skip
 # Endings of files that a name is shown without.
 _ENDINGS = (".ply", ".obj", ".gltf", ".glb", ".hdr", ".exr")

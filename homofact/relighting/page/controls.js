@@ -18,6 +18,7 @@ class Controls {
     by("interpolation").lastChild.disabled = !view.stage.objects.some((each) => each.byPixel);
     by("suns").closest(".field").hidden = !view.suns.length;
     by("lamps").closest(".field").hidden = !view.lamps.length;
+    this.levels = makeLevels(by("levels"), view.lights, (q, level) => { state.levels = state.levels.with(q, level); view.changed("picture"); });
     by("terms").max = view.mostTerms;
     by("kept").max = view.keptSteps.length - 1;
     const slide = (id, act) => by(id).addEventListener("input", () => act(Number(by(id).value)));

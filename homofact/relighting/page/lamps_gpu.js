@@ -3,8 +3,8 @@
 const LAMP_RINGS = 16, LAMP_SPOKES = 24;
 
 class LampsOnGpu {
-  constructor(gl, lamps) {
-    Object.assign(this, { gl, lamps });
+  constructor(gl, lights) {
+    Object.assign(this, { gl, lights });
     this.program = makeProgram(gl, shaderText(LAMP_VERTEX), shaderText(LAMP_FRAGMENT), "the lamps");
     const places = [], triangles = [];
     for (let i = 0; i <= LAMP_RINGS; i++) {
@@ -28,18 +28,19 @@ class LampsOnGpu {
     gl.bindBuffer(gl.ARRAY_BUFFER, null);
   }
 
-  /** Draws all of them over what is there, by depth. */
+  /** Draws those that shine over what is there, by depth. */
   draw(stage, view, aspect) {
-    const { gl, program } = this;
+    const { gl, program } = this, levels = view.shining;
     gl.useProgram(program.program);
     stage.tones(view, program);
     gl.uniformMatrix4fv(program.at("u_camera"), false, view.orbit.matrix(aspect, stage.radius));
     gl.bindVertexArray(this.drawing);
-    for (const { position, radius, intensity } of this.lamps) {
+    this.lights.forEach(({ position, radius, intensity }, q) => {
+      if (!position || !levels[q]) return;
       gl.uniform4f(program.at("u_lamp"), ...position, radius);
-      gl.uniform3f(program.at("u_light"), ...scaled(intensity, 1 / (Math.PI * radius ** 2)));
+      gl.uniform3f(program.at("u_light"), ...scaled(intensity, levels[q] / (Math.PI * radius ** 2)));
       gl.drawElements(gl.TRIANGLES, this.count, gl.UNSIGNED_SHORT, 0);
-    }
+    });
     gl.bindVertexArray(null);
   }
 }

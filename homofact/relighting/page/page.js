@@ -25,6 +25,7 @@ class View {
     this.state = {
       sky: data.reference?.sky ?? 0, turn: 0, terms: this.mostTerms, kept: this.mostKept, interpolation: "vertex", signal: false,
       stops: 0, curve: "filmic", show: "picture", split: 0.5, range: 0.1, pieces: true, turning: false, suns: true, lamps: true,
+      levels: this.lights.map(() => 1),
     };
     for (const object of objects) if (object.reference) object.seen = withReference(object, this.orbit.eye);
     this.relit = new Relit(objects, 6 * data.cube ** 2);
@@ -65,24 +66,34 @@ class View {
     return this.state.suns && this.state.sky === 0;
   }
 
-  /** Whether each light is on: lamps belong to the scene under every sky. */
+  /** How bright each light is, of its own brightness; 0 where it is off. Lamps belong to the scene under every sky. */
   get shining() {
-    return this.lights.map((light) => (light.position ? this.state.lamps : this.sunny));
+    return this.lights.map((light, q) => ((light.position ? this.state.lamps : this.sunny) ? this.state.levels[q] : 0));
   }
 
-  /** Whether surfaces send the light of lamps on to one another. */
+  /** The levels of the lamps whose light surfaces send on to one another, as text; null where none do. */
   get bouncingLamps() {
-    return this.state.lamps && this.lamps.length > 0 && this.objects.some((object) => object.bounced);
+    return this.bouncing(this.shining.slice(this.suns.length));
   }
 
-  /** The turn of the suns whose light surfaces send on to one another; null where none do. */
+  /** The levels and the turn of the suns whose light surfaces send on to one another, as text; null where none do. */
   get bouncingSuns() {
-    return this.sunny && this.suns.length && this.objects.some((object) => object.bounced) ? this.state.turn : null;
+    const levels = this.bouncing(this.shining.slice(0, this.suns.length));
+    return levels && `${levels} ${this.state.turn}`;
+  }
+
+  bouncing(levels) {
+    return levels.some(Boolean) && this.objects.some((object) => object.bounced) ? levels.join(" ") : null;
+  }
+
+  /** Whether suns and lamps shine as the scene's file has them. */
+  get lightsAsGiven() {
+    return this.state.suns && this.state.lamps && this.state.levels.every((level) => level === 1);
   }
 
   /** Whether light and camera are those that the reference was made for. */
   get atReference() {
-    return Boolean(this.reference) && this.state.sky === this.reference.sky && this.state.turn === 0 && this.state.suns && this.state.lamps && this.orbit.atStart;
+    return Boolean(this.reference) && this.state.sky === this.reference.sky && this.state.turn === 0 && this.lightsAsGiven && this.orbit.atStart;
   }
 
   /** What is drawn: the picture alone where the reference does not hold. */
@@ -91,7 +102,7 @@ class View {
   }
 
   goToReference() {
-    Object.assign(this.state, { sky: this.reference.sky, turn: 0, turning: false, suns: true, lamps: true });
+    Object.assign(this.state, { sky: this.reference.sky, turn: 0, turning: false, suns: true, lamps: true, levels: this.lights.map(() => 1) });
     this.orbit.reset();
     this.changed("light");
   }
@@ -225,10 +236,12 @@ class View {
   bring() {
     this.bouncedSuns = this.bouncingSuns;
     this.bouncedLamps = this.bouncingLamps;
-    const spread = this.bouncedSuns === null ? null : spreadSuns(this.suns, this.bouncedSuns, this.sky.size);
+    const levels = this.shining, suns = this.suns.map((sun, q) => ({ ...sun, irradiance: scaled(sun.irradiance, levels[q]) }));
+    const spread = this.bouncedSuns === null ? null : spreadSuns(suns, this.state.turn, this.sky.size);
+    const lamps = this.lamps.map(({ intensity }, q) => scaled(intensity, levels[this.suns.length + q]));
     for (const object of this.objects) {
       object.sumSuns(spread);
-      object.sumLamps(this.bouncedLamps ? this.lamps.map(({ intensity }) => intensity) : null);
+      object.sumLamps(this.bouncedLamps === null ? null : lamps);
       object.mix();
     }
     this.stage.upload();
@@ -254,7 +267,7 @@ class View {
   /** The exposure of this sky: a new sky has a scale of its own. */
   expose() {
     this.exposed = this.lit;
-    this.stops = middleStops(this.shade());
+    this.stops = this.stage.meter.stops(this);
   }
 
   auto() {

@@ -12,6 +12,27 @@ function makeSkies(place, view, onChoose, onOpen) {
   place.append(open);
 }
 
+/**
+ * A slider of brightness for each sun and lamp: `onChange(q, level)` has 0 … 4 times its own. A function that shows levels. A
+ * slider's place is the level's square root, so that its middle is the scene's own.
+ */
+function makeLevels(place, lights, onChange) {
+  const fields = lights.map((light, q) => {
+    const kind = light.position ? "Lamp" : "Sun", alike = lights.filter((other) => Boolean(other.position) === Boolean(light.position));
+    const id = `level-${q}`, name = alike.length > 1 ? `${kind} ${alike.indexOf(light) + 1}` : `${kind} level`;
+    const slider = element("input", { type: "range", id, min: "0", max: "2", step: "0.05" }), output = element("output", { for: id });
+    const own = element("button", { type: "button", class: "small", title: "As in the scene’s file" }, "100%");
+    slider.addEventListener("input", () => onChange(q, Number(slider.value) ** 2));
+    own.addEventListener("click", () => onChange(q, 1));
+    place.append(element("div", { class: "field slider" }, element("label", { class: "name", for: id }, name), slider, output, own));
+    return { slider, output };
+  });
+  return (levels) => fields.forEach(({ slider, output }, q) => {
+    slider.value = Math.sqrt(levels[q]);
+    output.textContent = `${Math.round(100 * levels[q])}%`;
+  });
+}
+
 /** Brings sliders, buttons and words in line with the view's state. */
 function showState(view) {
   const { state, orbit } = view;
@@ -24,6 +45,7 @@ function showState(view) {
   // All there are may have five digits: they stand on the button.
   by("kept-value").textContent = grouped(state.kept);
   by("kept-all").title = `${grouped(view.mostKept)} in the longest vector`;
+  view.controls.levels(state.levels);
   by("exposure").value = state.stops;
   by("exposure-value").textContent = `${stopsInWords(state.stops)} stops`;
   by("play-button").setAttribute("aria-pressed", String(state.turning));
@@ -67,7 +89,7 @@ function showError(view, statistics) {
   by("error").textContent = statistics.error === null ? "–" : percent(statistics.error);
   const sky = view.skies[reference.sky].name;
   by("error-words").textContent = !view.atReference
-    ? `The reference holds only for ${sky}, not turned, seen from the first camera.`
+    ? `The reference holds only for ${sky}, not turned, seen from the first camera${view.lightsAsGiven ? "" : ", with suns and lamps as bright as in the scene’s file"}.`
     : statistics.error === null ? "Light is still coming in."
       : `relative RMS over the vertices in view${eachError(view, statistics.errors)}, against the ${reference.words}`;
 }

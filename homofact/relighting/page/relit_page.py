@@ -7,6 +7,7 @@ from homofact.relighting.page.build import PageReference, page_objects, shown_na
 from homofact.relighting.page.skies import PageSky, page_sky
 from homofact.relighting.result import RelightResult
 from homofact.rendering.light import EnvironmentMap
+from homofact.rendering.tonemap import DEFAULT_CURVE
 from homofact.scene.lighting import NAMED, named_lighting
 from homofact.web.scene_page import percent
 
@@ -29,7 +30,7 @@ def write_relit_page(
         }
         for stage, value in (entry["error"] or {}).items():
             if stage == "psnr":
-                rows["PSNR of the pixels"] = f"{value:.1f} dB"
+                rows[f"PSNR of the pixels, {DEFAULT_CURVE} curve"] = f"{value:.1f} dB"
             elif stage not in ("below_zero", "vertices"):
                 rows[f"error, {stage}"] = percent(value)
         numbers[f"{shown_name(entry['mesh'])}, {shown_name(entry['material'])}"] = rows

@@ -55,16 +55,3 @@ function shareBelowZero(colours) {
   }
   return above > 0 ? below / (above + below) : 0;
 }
-
-/** The stops that take the median brightness of what is lit to 0.18: rendering/tonemap.py's choose_middle. */
-function middleStops(colours) {
-  const levels = [];
-  for (const values of colours) {
-    for (let p = 0; p < values.length; p += 3) {
-      const level = (values[p] + values[p + 1] + values[p + 2]) / 3;
-      if (level > 0) levels.push(level);
-    }
-  }
-  levels.sort((a, b) => a - b);
-  return levels.length ? Math.log2(0.18 / levels[levels.length >> 1]) : 0;
-}

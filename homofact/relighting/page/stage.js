@@ -14,7 +14,7 @@ class Stage {
     this.objects = objects.map((object) => new ObjectOnGpu(gl, object));
     this.cells = objects.some((object) => object.lobe) ? new CellsOnGpu(gl) : null;
     this.shadows = lights.length ? new ShadowsOnGpu(gl, lights, this.objects) : null;
-    this.lamps = lights.some((light) => light.position) ? new LampsOnGpu(gl, lights.filter((light) => light.position)) : null;
+    this.lamps = lights.some((light) => light.position) ? new LampsOnGpu(gl, lights) : null;
     this.skies = new Map();
     this.sky = makeProgram(gl, shaderText(SKY_VERTEX), shaderText(SKY_FRAGMENT), "the sky");
     this.copy = makeProgram(gl, shaderText(COPY_VERTEX), shaderText(COPY_FRAGMENT), "the sky");
@@ -28,6 +28,7 @@ class Stage {
       for (let p = 0; p < positions.length; p += 3) most = Math.max(most, Math.hypot(positions[p], positions[p + 1], positions[p + 2]));
       return most;
     }, 0) * 1.001;
+    this.meter = new Meter(this);
     for (const { position, radius } of lights) if (position) this.radius = Math.max(this.radius, 1.01 * (Math.hypot(...position) + radius));
   }
 
@@ -42,20 +43,33 @@ class Stage {
    */
   draw(view, smooth = true, coarse = false) {
     const { gl } = this, { width, height } = this.canvas;
-    for (const each of this.objects) if (each.lobe || !each.pixelwise(view)) each.shade(view, coarse);
-    this.shadows?.draw(view.state.turn);
+    this.prepare(view, coarse);
     if (coarse && !smooth) this.drawSmallSky(view, width, height);
     gl.bindFramebuffer(gl.FRAMEBUFFER, smooth ? this.smoothFrame(width, height) : null);
     gl.viewport(0, 0, width, height);
     gl.clear(gl.DEPTH_BUFFER_BIT);
-    if (!coarse || smooth) this.drawSky(view, width / height);
+    this.drawScene(view, width, height, coarse, !coarse || smooth);
+    if (smooth) this.show();
+  }
+
+  /** Brings what vertices shine, and shadows, in line with a view. */
+  prepare(view, coarse = false) {
+    for (const each of this.objects) if (each.lobe || !each.pixelwise(view)) each.shade(view, coarse);
+    this.shadows?.draw(view.state.turn);
+  }
+
+  /** Draws the sky, unless it is there, lamps and objects into a picture of this size: its alpha is what objects cover. */
+  drawScene(view, width, height, coarse = false, sky = true) {
+    const { gl } = this;
+    gl.colorMask(true, true, true, false);
+    if (sky) this.drawSky(view, width / height);
     gl.enable(gl.DEPTH_TEST);
-    if (this.lamps && view.state.lamps && view.shown !== "difference") this.lamps.draw(this, view, width / height);
+    if (this.lamps && view.shown !== "difference") this.lamps.draw(this, view, width / height);
+    gl.colorMask(true, true, true, true);
     // What ends softly comes last, over the others' background.
     const ordered = this.objects.toSorted((a, b) => Boolean(a.object.fade) - Boolean(b.object.fade));
     for (const each of ordered) this.drawObject(view, each, width, height, coarse);
     gl.bindVertexArray(null);
-    if (smooth) this.show();
   }
 
   /** Brings the picture of several samples a pixel to the canvas. */
@@ -131,6 +145,7 @@ class Stage {
     const { gl } = this, { state } = view;
     gl.uniform1f(program.at("u_exposure"), 2 ** (view.stops + state.stops));
     gl.uniform1i(program.at("u_filmic"), state.curve === "filmic" ? 1 : 0);
+    gl.uniform1i(program.at("u_linear"), state.curve === "linear" ? 1 : 0);
   }
 
   drawSky(view, aspect) {
@@ -148,11 +163,11 @@ class Stage {
     const [right, up, forward] = view.orbit.axes, half = Math.tan((view.orbit.field * DEGREE) / 2);
     const axes = [scaled(right, half * aspect), scaled(up, half), forward].map((axis) => turnedBack(axis, view.state.turn));
     gl.uniform3fv(sky.at("u_axes"), Float32Array.from(axes.flat()));
-    const suns = view.sunny ? view.suns : [];
+    const levels = view.shining, suns = view.suns.map((sun, q) => ({ ...sun, level: levels[q] })).filter(({ level }) => level > 0);
     gl.uniform1i(sky.at("u_suns"), suns.length);
     if (suns.length) {
       gl.uniform4fv(sky.at("u_discs"), Float32Array.from(suns.flatMap(({ direction, radius }) => [...direction, Math.cos(radius)])));
-      gl.uniform3fv(sky.at("u_disc_light"), Float32Array.from(suns.flatMap(({ irradiance, radius }) => scaled(irradiance, 1 / (Math.PI * Math.sin(radius) ** 2)))));
+      gl.uniform3fv(sky.at("u_disc_light"), Float32Array.from(suns.flatMap(({ irradiance, radius, level }) => scaled(irradiance, level / (Math.PI * Math.sin(radius) ** 2)))));
     }
     gl.bindVertexArray(this.square);
     gl.drawArrays(gl.TRIANGLES, 0, 3);

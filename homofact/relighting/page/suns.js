@@ -91,8 +91,8 @@ function tableValue({ width, nodes, values }, grids, hx, hy) {
   return found;
 }
 
-/** Adds the radiance of the lights that are on to an object's vertices (3 V). Of turned suns no shadows are known here. */
-function addLights(object, eye, lights, turn, on, found) {
+/** Adds the radiance of the lights at these levels to an object's vertices (3 V). Of turned suns no shadows are known here. */
+function addLights(object, eye, lights, turn, levels, found) {
   const { positions, vertices, sunlight } = object, { normals, tangents } = shadingFrames(object, eye);
   for (let v = 0, p = 0; v < vertices; v++, p += 3) {
     const n = normals.subarray(p, p + 3), t = tangents.subarray(p, p + 3);
@@ -104,10 +104,10 @@ function addLights(object, eye, lights, turn, on, found) {
     const oz = Math.max(facing, LEAST_COSINE), aside = facing < LEAST_COSINE ? Math.sin(STEEPEST) : across;
     lights.forEach((light, q) => {
       const seen = turn === 0 || light.position ? sunlight.seen[v * lights.length + q] : 1;
-      if (seen === 0 || !on[q]) return;
+      if (seen === 0 || !levels[q]) return;
       const cone = coneAt(light, turn, positions.subarray(p, p + 3)), mirror = minus(scaled(Array.from(n), 2 * facing), w);
       for (const [d, part] of lightDirections(cone, sunlight.directions[q], mirror, sunlight.width)) {
-        const short = (seen * part) / oz, z = dot(n, d), x = dot(t, d), y = dot(b, d);
+        const short = (levels[q] * seen * part) / oz, z = dot(n, d), x = dot(t, d), y = dot(b, d);
         if (z <= 0 || dot(horizon, d) <= 0) continue;
         const hx = (c * x + s * y + aside) / (z + oz), hy = (c * y - s * x) / (z + oz);
         for (const table of sunlight.tables) {

@@ -281,7 +281,7 @@ class ShadowsOnGpu {
     };
   }
 
-  /** Binds what `besideSky` reads of an object's `tables` at so many `directions` of each disc, by a lobe's `width`; dark lights where they are not `shining`. */
+  /** Binds what `besideSky` reads of an object's `tables` at so many `directions` of each disc, by a lobe's `width`; the lights as bright as they are `shining`. */
   bind(program, tables, { directions, width }, shining) {
     const { gl, lights, maps } = this;
     const place = (unit, target, what, name) => {
@@ -297,7 +297,7 @@ class ShadowsOnGpu {
     place(SUN_UNITS.depths, gl.TEXTURE_2D_ARRAY, this.texture, "u_depths");
     gl.activeTexture(gl.TEXTURE0);
     gl.uniform4fv(program.at("u_light_at"), Float32Array.from(maps.flatMap(({ at }) => at)));
-    gl.uniform3fv(program.at("u_light"), Float32Array.from(lights.flatMap((light, q) => (shining[q] ? light.intensity ?? light.irradiance : [0, 0, 0]))));
+    gl.uniform3fv(program.at("u_light"), Float32Array.from(lights.flatMap((light, q) => scaled(light.intensity ?? light.irradiance, shining[q]))));
     gl.uniform1fv(program.at("u_light_angle"), Float32Array.from(lights, ({ radius }) => radius));
     gl.uniform1iv(program.at("u_light_directions"), Int32Array.from(directions));
     gl.uniformMatrix3fv(program.at("u_light_axes"), false, Float32Array.from(maps.flatMap(({ axes }) => [0, 1, 2].flatMap((c) => axes.map((row) => row[c])))));
