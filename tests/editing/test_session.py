@@ -13,10 +13,14 @@ from homofact.brdf.analytic import Lambert
 from homofact.editing import models
 from homofact.editing.curves import Bands
 from homofact.editing.curves_file import read_curves, write_curves
+from homofact.editing.enlarged import enlarged
 from homofact.editing.furnace import albedo_of
-from homofact.editing.picture import radiance
+from homofact.editing.picture import radiance, starting_curves
+from homofact.editing.result import pictures
 from homofact.editing.session import Session
 from homofact.errors import BadInput
+from homofact.rendering.sphere import SphereImage
+from homofact.rendering.tonemap import DEFAULT_CURVE, automatic_exposure, tonemap
 
 HALF, FRESNEL = ("paint", "specular", "distribution"), ("paint", "specular", "fresnel")
 FLOOR_IN, FLOOR_OUT = ("floor", "diffuse", "incident"), ("floor", "diffuse", "outgoing")
@@ -24,6 +28,18 @@ FLOOR_IN, FLOOR_OUT = ("floor", "diffuse", "incident"), ("floor", "diffuse", "ou
 
 def raised(session: Session, address, factor: float = 2.0) -> Bands:
     return Bands(session.curves[address].values * factor)
+
+
+def test_written_pictures_have_the_exposure_and_curve_of_all_pictures_for_people() -> None:
+    prepared = prepared_paint("full")
+    found = pictures(prepared)
+    times = found[0].shape[1] // prepared.scene.cameras[0].pixels[0]
+    values = [radiance(prepared, view, starting_curves(prepared)) for view in range(len(found))]
+    large = [enlarged(prepared, view, each, times) for view, each in enumerate(values)]
+    exposure = automatic_exposure(SphereImage(large[0].radiance, large[0].coverage))
+    for own, each in zip(found, large, strict=True):
+        whole = SphereImage(each.radiance, torch.ones_like(each.coverage))
+        assert torch.equal(torch.from_numpy(own), tonemap(whole, exposure, curve=DEFAULT_CURVE).pixels)
 
 
 @pytest.mark.parametrize("form", ["full", "low-rank"])
