@@ -1,7 +1,7 @@
 // The automatic exposure: that of a small picture of linear radiance, as `relight` chooses it for its own pictures.
 
 // Pixels of the small picture; its shape does not follow the window's.
-const METERED = [120, 90];
+const METERED = [80, 60];
 // Half floats end at 65,504: a picture further off than so many stops is measured again, nearer to its exposure.
 const NEAR_STOPS = 6, ROUNDS = 4;
 
@@ -42,11 +42,12 @@ class Meter {
     const plain = Object.create(view, {
       stops: { value: stops }, shown: { value: "picture" }, state: { value: { ...view.state, stops: 0, curve: "linear", signal: false } },
     });
-    stage.prepare(plain);
+    // Of fewer triangles: in software this is a part of the first picture's time.
+    stage.prepare(plain, true);
     gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
     gl.viewport(0, 0, width, height);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
-    stage.drawScene(plain, width, height);
+    stage.drawScene(plain, width, height, true);
     const found = new Float32Array(4 * width * height), covered = [];
     gl.readPixels(0, 0, width, height, gl.RGBA, gl.FLOAT, found);
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
