@@ -57,7 +57,8 @@ def relit(scene: Path, place: Path) -> tuple[str, ...]:
     began = time.perf_counter()
     report = homofact.relight(scene, to=place, page=True, every_stage=True).report
     seconds, whole = time.perf_counter() - began, report["picture"]
-    worst = max(entry["error"]["picture"] for entry in report["objects"] if entry["error"] is not None)
+    # A part of the file may have vertices in sight and no pixel of the picture.
+    worst = max(each["error"]["picture"] for each in report["objects"] if each["error"] and "picture" in each["error"])
     return (
         str(len(report["objects"])), f"{whole['error']:.1%}", f"{whole['psnr']:.1f} dB", f"{worst:.1%}",
         f"{seconds:.0f}", megabytes(place / "view.html"),
