@@ -18,7 +18,7 @@ from homofact.files.reading import split_member
 from homofact.meshes.gltf_parts import is_gltf
 from homofact.scene.file_fits import FileFits
 from homofact.scene.materials import MATT, OpenedMaterial, Stage, open_materials
-from homofact.scene.objects import SceneObject, place_objects
+from homofact.scene.objects import SceneObject, bounce_note, place_objects
 
 GROUND = "ground"
 _ANGLES, _BANDS = ("theta_h", "theta_d"), (256, 64)
@@ -51,12 +51,13 @@ def open_edit_scene(file: EditSceneFile, stage: Stage | None = None, fits: FileF
     placed, notes = place_objects(file.objects, file.ground, file.cameras, stage, fits)
     edited = _with_curves(file, [thing.material for thing in placed], stage)
     remarks = [f"{each.material.name}: {note}" for each in edited for note in each.material.notes]
+    dark = bounce_note(file.ground, file.settings.bounces, "edit")
     tables = _tables(file)
     objects = tuple(
         EditObject(thing.mesh, each.material, _patterns(thing, each.material, table, where))
         for (where, table), thing, each in zip(tables.items(), placed, edited, strict=True)
     )
-    return EditScene(objects, lighting, file.cameras, (*notes, *remarks), file.settings.bounces)
+    return EditScene(objects, lighting, file.cameras, (*notes, *dark, *remarks), file.settings.bounces)
 
 
 def _patterns(

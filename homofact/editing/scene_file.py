@@ -22,6 +22,7 @@ bounces = 0                        # 1: light that reaches a surface by way of a
 import os
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, TypeVar
 
 from homofact.brdf.source_names import MATERIAL_PREFIX
@@ -104,6 +105,14 @@ class EditSettings:
 class EditSceneTable(SceneTable):
     """The whole file."""
 
+    # No annotation, which would make it a key of the file.
+    INSTEAD = MappingProxyType(
+        {
+            "seed": "leave it out, nothing here is random; for the seed of a fit, run factorize and name its folder as"
+            " the material",
+            "transport": "leave it out; bounces and tolerance are in [edit]",
+        }
+    )
     object: tuple[EditObjectTable, ...]
     ground: EditGroundTable | None = None
     sun: tuple[SunTable, ...] = ()
@@ -188,7 +197,7 @@ def scene_of_record(table: dict[str, Any], name: str, folder: Path, place: str) 
     except BadInput as error:
         joint = "." if place.endswith(".") else ": "
         raise error.at(place.removesuffix(joint), joint) from error
-    return EditSceneFile(name, objects, ground, lighting, found.camera, found.edit, found.sun)
+    return EditSceneFile(found.name or name, objects, ground, lighting, found.camera, found.edit, found.sun)
 
 
 Table = TypeVar("Table", bound=_Edited)

@@ -21,7 +21,7 @@ from homofact.meshes.gltf import gltf_header, parse_parts
 from homofact.meshes.mesh import Mesh, mesh_of
 from homofact.meshes.tangent_space import with_tangents
 from homofact.meshes.texture_transform import NAME as TRANSFORM
-from homofact.meshes.texture_transform import TextureTransform
+from homofact.meshes.texture_transform import TextureTransform, coordinate_set
 
 ENDINGS = (".gltf", ".glb")
 MOST_PARTS, _LARGEST_SIDE = 256, 1024
@@ -39,7 +39,7 @@ class GltfMaterial:
 
     The picture's values, 0 to 1, are encoded by sRGB's curve, as in its file. `normals` (H, W, 3) float32 are the unit
     normals of a normal map in tangent space, with its scale; None where all are (0, 0, 1). `left_out` names what is not
-    used.
+    used. `placed` is False where the mesh lacks the picture's coordinates, so that only its mean counts.
     """
 
     base_colour: tuple[float, float, float] = (1.0, 1.0, 1.0)
@@ -48,6 +48,7 @@ class GltfMaterial:
     picture: np.ndarray | None = field(default=None, compare=False)
     normals: np.ndarray | None = field(default=None, compare=False)
     left_out: tuple[str, ...] = ()
+    placed: bool = True
 
 
 @dataclass(frozen=True)
@@ -153,7 +154,7 @@ def _material(
     red, green, blue = (1.0, 1.0, 1.0) if colour is None else _factors(np.asarray(colour)[:3])
     metallic = 1.0 if given.metallicFactor is None else float(given.metallicFactor)
     roughness = 1.0 if given.roughnessFactor is None else float(given.roughnessFactor)
-    picture = None
+    picture, placed, left = None, True, list[str]()
     own = written.get(str(given.name), {})
     model = own.get("pbrMetallicRoughness")
     if given.baseColorTexture is None and isinstance(model, dict) and "baseColorTexture" in model:
@@ -162,17 +163,22 @@ def _material(
         if mesh.uv is None:
             raise BadInput("a texture on a mesh without texture coordinates", where=where, expected="TEXCOORD_0")
         picture = _pixels(given.baseColorTexture, where)
+        place = coordinate_set(model.get("baseColorTexture") if isinstance(model, dict) else None)
+        if place != 0:
+            # A mesh has one set of coordinates. Of the picture, as of one of metallic and roughness, the mean is left.
+            placed, left = False, [f"the detail of its texture, on TEXCOORD_{place}"]
     if given.metallicRoughnessTexture is not None:
         means = _pixels(given.metallicRoughnessTexture, where).mean((0, 1))
         roughness, metallic = roughness * float(means[1]), metallic * float(means[2])
     normals, remarks = _normals(given, own, mesh, where)
-    left = [words for key, words in _LEFT_OUT.items() if _is_there(getattr(given, key, None))]
+    left += [words for key, words in _LEFT_OUT.items() if _is_there(getattr(given, key, None))]
     left += remarks
-    moved, remarks = _moved(own, picture is not None, normals is not None, where)
+    moved, remarks = _moved(own, picture is not None and placed, normals is not None, where)
     left += remarks
     extensions = own.get("extensions")
     left += sorted(extensions) if isinstance(extensions, dict) else []
-    found = GltfMaterial((red, green, blue), metallic, roughness, picture, normals, tuple(dict.fromkeys(left)))
+    remarks = tuple(dict.fromkeys(left))
+    found = GltfMaterial((red, green, blue), metallic, roughness, picture, normals, remarks, placed)
     return found, moved
 
 
@@ -202,7 +208,7 @@ def _normals(given: Any, own: dict[str, Any], mesh: Mesh, where: str) -> tuple[n
     if mesh.uv is None:
         raise BadInput("a normal map on a mesh without texture coordinates", where=where, expected="TEXCOORD_0")
     info = written if isinstance(written, dict) else {}
-    scale, place = info.get("scale", 1.0), info.get("texCoord", 0)
+    scale, place = info.get("scale", 1.0), coordinate_set(info)
     if isinstance(scale, bool) or not isinstance(scale, int | float) or not math.isfinite(scale):
         raise BadInput(f"a normal map of scale {scale!r}", where=where, expected="a finite number")
     if place != 0:

@@ -56,6 +56,24 @@ class TextureTransform:
         return (uv * self.scale) @ turn.T + self.offset
 
 
+def coordinate_set(info: Any) -> Any:
+    """Return which TEXCOORD_n a textureInfo of a glTF file reads: the `texCoord` of its transform, else its own.
+
+    Examples
+    --------
+    >>> coordinate_set({"index": 0, "texCoord": 1})
+    1
+    >>> coordinate_set({"index": 0, "texCoord": 1, "extensions": {"KHR_texture_transform": {"texCoord": 0}}})
+    0
+    """
+    if not isinstance(info, dict):
+        return 0
+    extensions = info.get("extensions")
+    given = extensions.get(NAME) if isinstance(extensions, dict) else None
+    own = info.get("texCoord", 0)
+    return given.get("texCoord", own) if isinstance(given, dict) else own
+
+
 _PAIRS = (("offset", 0.0), ("scale", 1.0))
 
 

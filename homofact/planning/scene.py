@@ -1,8 +1,10 @@
 """The scene of a plan, read from strict TOML: materials with their shares, lightings, tolerances, a budget.
 
+name = "showroom"                  # optional: of the scene. Default: the file's
 seed = 0
 [[material]]                       # one or more; shares add up to 1
 source = "material:phong-30"       # or a file, relative to the scene's
+name = "case"                      # optional: in tables, pictures and folders. Default: the name of the source
 share = 0.6
 pixels = 40                        # optional: how many the object is across, each of which averages what it covers
 [lighting]                         # one, or [[lighting]] several times: the tolerance then holds under each; one key of
@@ -34,7 +36,7 @@ from homofact.rendering.light import DirectionalLight
 from homofact.scene.lighting import Lighting, named_lighting
 from homofact.scene.materials import found_source
 from homofact.settings.kinds import PLANNING, check_kind
-from homofact.settings.options import MOST_SEED, option, required
+from homofact.settings.options import MOST_SEED, a_name, option, required
 from homofact.settings.tables import read_table
 
 SHARE_SLACK = 1e-6
@@ -45,12 +47,14 @@ LEAST_PIXELS, MOST_PIXELS = 2, 16384
 class SceneMaterial:
     """`source` as `brdf.source.open_source` takes it, `share` of the picture in (0, 1].
 
-    `pixels` is the width of the object in pixels, None for a camera so close that pixels do not blur.
+    `pixels` is the width of the object in pixels, None for a camera so close that pixels do not blur. `name` is what
+    tables, pictures and folders call it, None for the source's own name.
     """
 
     source: str
     share: float = required("Part of the picture", above=0, most=1)
     pixels: int | None = option(None, "How many the object is across", least=LEAST_PIXELS, most=MOST_PIXELS)
+    name: str | None = option(None, "Its name in tables. Default: the name of the source", expected_instead=a_name)
 
     @property
     def key(self) -> tuple[str, int | None]:
@@ -123,6 +127,7 @@ class PlanSceneTable:
     tolerance: _ToleranceTable
     budget: Budget = Budget()
     seed: int = option(0, "Of the views and the fits", least=0, most=MOST_SEED)
+    name: str | None = option(None, "Name of the scene. Default: that of the file", expected_instead=a_name)
 
     def __post_init__(self) -> None:
         """Refuse shares that do not add up to 1, and no lighting. Raises BadInput."""
@@ -146,7 +151,7 @@ def read_scene(path: str | Path) -> Scene:
     tables = scene.lighting if isinstance(scene.lighting, tuple) else (scene.lighting,)
     try:
         return Scene(
-            file.stem,
+            scene.name or file.stem,
             tuple(
                 replace(material, source=found_source(material.source, file.parent, f"material[{place}].source"))
                 for place, material in enumerate(scene.material)

@@ -4,12 +4,13 @@ Objects, ground, light and cameras are those of `scene.scene_file`. A named ligh
 
 seed = 0
 [[object]]
+name = "case"                      # in tables and on the page. Default: the name of its mesh
 terms = 4                          # K of its in-out factors, or one of the two rules of `factoring` for it:
 error = 0.02                       # as many as leave this expected error under the scene's light
 share = 0.99                       # as many as hold this of the material's energy; the rule where none is given
 lobe = "auto"                      # "separate": a sharp lobe is summed for every view; "factored": it is in the terms;
                                    # "auto", the default: separate if there would be more than 32, and no rule is given
-[ground]                           # terms, error, share or lobe, as above
+[ground]                           # name, and terms, error, share or lobe, as above
 [lighting]                         # all optional, beside the map:
 sun = "separate"                   # a sun in the map becomes a light of its own, the default; or it stays in "texels"
 sun_radius = 0.27                  # of its disc in degrees. Default: as in the map
@@ -34,11 +35,12 @@ reflected = 0.02                   # largest relative RMS error of the light; `p
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Self
 
 from homofact.errors import BadInput
-from homofact.files.reading import read_toml
+from homofact.files.reading import read_toml, split_member
 from homofact.relighting.clusters import COMPONENTS
 from homofact.relighting.cones import RoundLight
 from homofact.relighting.factored_material import AUTO, LOBES, SEPARATE
@@ -54,7 +56,7 @@ from homofact.scene.materials import MaterialTable
 from homofact.scene.objects import GroundTable, ObjectTable, found_tables
 from homofact.scene.scene_file import SceneTable
 from homofact.settings.kinds import RELIGHTING, check_kind
-from homofact.settings.options import MOST_SEED, option, required
+from homofact.settings.options import MOST_SEED, a_name, option, required
 from homofact.settings.tables import read_table
 
 SEPARATE_SUN, TEXEL_SUN = "separate", "texels"
@@ -63,8 +65,9 @@ MAP_SUNS = (SEPARATE_SUN, TEXEL_SUN)
 
 @dataclass(frozen=True, kw_only=True)
 class _TermRule(MaterialTable):
-    """How many in-out factors a material has: `terms`, or by one of the two rules of `factoring`."""
+    """The `name`, and how many in-out factors a material has: `terms`, or by one of the two rules of `factoring`."""
 
+    name: str | None = option(None, "Its name in tables. Default: the name of its mesh", expected_instead=a_name)
     terms: int | None = option(None, "K of its in-out factors", least=1, most=MOST_TERMS)
     error: float | None = option(None, "As many terms as leave this expected error", above=0, most=0.9)
     share: float | None = option(None, "As many terms as hold this of the material's energy", above=0, most=0.9999)
@@ -79,10 +82,20 @@ class _TermRule(MaterialTable):
         if self.lobe == SEPARATE and self.share is not None:
             raise BadInput(where="share", found='it beside lobe = "separate"', expected="terms or an error")
 
+    @property
+    def called(self) -> str | None:
+        """Its name; None for that of its mesh."""
+        return self.name
+
 
 @dataclass(frozen=True)
 class RelightObjectTable(_TermRule, ObjectTable):
     """One object, with the rule for its in-out factors."""
+
+    def part(self, mesh: str, several: bool) -> Self:
+        """Return the table of a part: of several, each has its own name behind the object's."""
+        found = super().part(mesh, several)
+        return replace(found, name=f"{self.name} {split_member(mesh)[1]}") if self.name and several else found
 
 
 @dataclass(frozen=True)
@@ -205,7 +218,8 @@ def read_relight_scene(path: str | Path) -> RelightSceneFile:
     except BadInput as error:
         raise error.at(file) from error
     return RelightSceneFile(
-        file.stem, objects, ground, light, found.camera, settings, asked.clusters or 0, asked.components, found.seed,
+        found.name or file.stem, objects, ground, light, found.camera, settings, asked.clusters or 0, asked.components,
+        found.seed,
         None if found.tolerance is None else found.tolerance.reflected, tuple(suns), tuple(notes), asked.bounces,
         tuple(each.lamp() for each in found.lamp),
     )  # fmt: skip

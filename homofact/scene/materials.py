@@ -44,6 +44,11 @@ class MaterialTable:
             raise BadInput(where="albedo", found=list(self.albedo), expected="1 or 3 numbers from 0 to 1")
 
     @property
+    def called(self) -> str | None:
+        """What tables and pages call the object; None for the name of its mesh."""
+        return None
+
+    @property
     def words(self) -> str:
         """The material as tables and reports name it."""
         if self.material is not None:
@@ -123,6 +128,7 @@ def _of_part(words: str) -> OpenedMaterial:
     mean = np.ones(3) if picture is None else picture.mean((0, 1))
     colour = tuple(float(value) for value in np.clip(np.array(given.base_colour) * mean, 0, 1))
     model = MetallicRoughness(colour, min(max(given.metallic, 0.0), 1.0), min(max(given.roughness, 0.0), 1.0))
+    picture = picture if given.placed else None
     return OpenedMaterial(words, PART, model, picture=picture, normals=given.normals, left_out=given.left_out)
 
 

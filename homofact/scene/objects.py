@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TypeVar
+from typing import Self, TypeVar
 
 import numpy as np
 
@@ -31,6 +31,8 @@ from homofact.settings.options import option
 
 # The share of an open mesh's pixels that see its inside, above which it is shown.
 _BEHIND = 0.01
+# The albedo of a ground from which on its light is missed.
+_REFLECTS = 0.05
 
 
 @dataclass(frozen=True)
@@ -50,6 +52,10 @@ class ObjectTable(MaterialTable):
         check_point("at", self.at)
         if not (is_gltf(self.mesh) and self.material is None and self.albedo is None):
             super().__post_init__()
+
+    def part(self, mesh: str, several: bool) -> Self:
+        """Return the table of a part of its glTF file, with the part's own material; `several` if it is one of them."""
+        return replace(self, mesh=mesh, material=mesh)
 
 
 @dataclass(frozen=True)
@@ -107,7 +113,7 @@ def found_tables(
             names = (
                 [mesh] if split_member(mesh)[1] is not None else [f"{mesh}#{part.name}" for part in gltf_parts(mesh)]
             )
-            found += [replace(table, mesh=name, material=name) for name in names]
+            found += [table.part(name, len(names) > 1) for name in names]
             continue
         material = _found_material(table.material, folder, f"object[{number}].material")
         found.append(replace(table, mesh=mesh, material=material))
@@ -137,6 +143,7 @@ def place_objects(
         if stage is not None:
             stage(f"reading {Path(table.mesh).name}")
         mesh, remarks = prepared(placed_mesh(table))
+        mesh = mesh if table.called is None else replace(mesh, name=table.called)
         meshes.append(mesh)
         notes += remarks
     for number, share in enumerate(seen_from_behind(MeshGroup(meshes), cameras).tolist()):
@@ -145,6 +152,8 @@ def place_objects(
             notes.append(f"{meshes[number].name}: {share:.0%} of its pixels see it from behind; it is given a back")
     tables: list[MaterialTable] = list(objects)
     level = None if plane is None else ground(plane.half, lowest(meshes), plane.steps)
+    if plane is not None and level is not None and plane.called is not None:
+        level = replace(level, name=plane.called)
     if check is not None:
         check(meshes, level)
     if plane is not None and level is not None:
@@ -161,6 +170,19 @@ def place_objects(
 def _left_out(material: OpenedMaterial, normal_maps: bool) -> tuple[str, ...]:
     unused = () if normal_maps or material.normals is None else ("its normal map",)
     return (*unused, *material.left_out)
+
+
+def bounce_note(plane: GroundTable | None, bounces: int, section: str) -> tuple[str, ...]:
+    """Return a line on the light that the ground would send to the objects, where there is some that is left out.
+
+    `section` is that of the scene's file which has `bounces`.
+    """
+    if plane is None or bounces or max(plane.albedo or (1.0,)) < _REFLECTS:
+        return ()
+    return (
+        "bounces = 0: the light that the ground reflects does not reach the objects, so parts that face the ground are"
+        f" dark or black; bounces = 1 in [{section}] adds it",
+    )
 
 
 def placed_mesh(table: ObjectTable) -> Mesh:

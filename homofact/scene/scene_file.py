@@ -1,5 +1,6 @@
 """The file of a scene with placed objects, read from strict TOML: the keys that relighting and editing share.
 
+name = "showroom"                  # of the scene, on pages and in reports. Default: the file's
 [[object]]                         # one or more
 mesh = "knot.ply"                  # OBJ, PLY or glTF, relative to the scene's file; or shape:sphere, shape:knot. A glTF
                                    # file without material and albedo is an object for each part, with its own material;
@@ -31,6 +32,7 @@ from homofact.errors import BadInput
 from homofact.scene.cameras import Camera
 from homofact.scene.lighting import LightTable
 from homofact.scene.objects import GroundTable, ObjectTable
+from homofact.settings.options import a_name, option
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,6 +43,7 @@ class SceneTable:
     ground: GroundTable | None = None
     lighting: LightTable
     camera: tuple[Camera, ...]
+    name: str | None = option(None, "Name of the scene. Default: that of the file", expected_instead=a_name)
 
     def __post_init__(self) -> None:
         """Refuse no object and no camera. Raises BadInput."""

@@ -9,7 +9,7 @@ CONFIGURATION, SWEEP = "a configuration", "a sweep"
 PLANNING, RELIGHTING, EDITING = "a scene for planning", "a scene for relighting", "a scene for editing"
 TAKEN_BY = {CONFIGURATION: "fit", SWEEP: "sweep", PLANNING: "plan", RELIGHTING: "relight", EDITING: "edit"}
 _CONFIGURATION = {"fit", "evaluate", "compare", "output", "render"}
-_RELIGHTING, _EDITING = {"terms", "error", "share"}, {"name", "curves", "bands"}
+_RELIGHTING, _EDITING = {"terms", "error", "share", "lobe"}, {"curves", "bands", "pattern"}
 
 
 def kinds_of(table: Mapping[str, Any]) -> set[str]:

@@ -69,6 +69,11 @@ def none_twice(value: tuple[Any, ...]) -> str | None:
     return None if len(set(value)) == len(value) else "none twice"
 
 
+def a_name(value: str) -> str | None:
+    """Check for `Option.expected_instead`: a name that is more than spaces."""
+    return None if value.strip() else "a name"
+
+
 _PLAIN = Option("")
 
 

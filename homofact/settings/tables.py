@@ -7,6 +7,8 @@ wrong is named with its place, what was found and what is expected:
     scene.toml: budget.bytes: found 1, expected a whole number of at least 4
     scene.toml: lighting.name: unknown key (nearest: lighting.named)
 
+A key that readers may expect and that means nothing has its own hint in the dataclass's `INSTEAD`, by the key's name.
+
 What a dataclass refuses itself, in its `__post_init__`, gets the place before its own where it names one of its fields.
 """
 
@@ -99,6 +101,9 @@ class _Reader:
         if others and rest is None:
             last, value = next(iter(others.items()))
             key, what = _joined(name, last), "section" if isinstance(value, Mapping) else "key"
+            instead = getattr(cls, "INSTEAD", {}).get(last)
+            if instead is not None:
+                raise BadInput(f"unknown {what}", where=self.place(key), hint=instead)
             raise unknown_key(key, fields, self.known, self.place(key), what)
         found = {
             key: self.value(value, *fields[key], _joined(name, key)) for key, value in table.items() if key in fields

@@ -139,8 +139,11 @@ def test_each_camera_has_its_own_picture_and_each_object_its_own_line(
     assert main([*run, "--out", str(scene.parent / "out"), "--reference"]) == 0
     said = capsys.readouterr()
     record = json.loads(said.out)
-    assert record["notes"] == ["ball.obj: 1 degenerate triangles of 121 are left out"]
-    assert f"homofact: {record['notes'][0]}" in said.err
+    mesh, ground = record["notes"]
+    assert mesh == "ball.obj: 1 degenerate triangles of 121 are left out"
+    assert ground.startswith("bounces = 0: the light that the ground reflects does not reach the objects")
+    assert f"homofact: {mesh}" in said.err
+    assert f"homofact: {ground}" in said.err
     assert record["error"]["ground"] is None
     measured = {"truncation", "together", "rim", "picture", "psnr", "below_zero", "vertices"}
     assert set(record["error"]["ball.obj"]) == measured

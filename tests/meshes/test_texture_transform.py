@@ -11,6 +11,8 @@ from refusals import refused
 
 from homofact.meshes.gltf_parts import GltfPart, gltf_parts
 from homofact.meshes.texture_transform import NAME, TextureTransform
+from homofact.scene.file_fits import FileFits
+from homofact.scene.materials import open_material
 
 trimesh = pytest.importorskip("trimesh", reason="trimesh is not installed: pip install 'homofact[relight]'")
 Image = pytest.importorskip("PIL.Image", reason="pillow is not installed: pip install 'homofact[pictures]'")
@@ -19,8 +21,11 @@ CORNERS = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], float)
 MOVE = {"offset": [0.25, 0.5], "rotation": 0.3, "scale": [2.0, 3.0]}
 
 
-def part_of(folder: Path, **moves: Any) -> GltfPart:
-    """A square with `baseColorTexture` and `normalTexture`, each moved where it is named."""
+def part_of(folder: Path, on: Any = None, **moves: Any) -> GltfPart:
+    """A square with `baseColorTexture` and `normalTexture`, each moved where it is named.
+
+    `on` is the `texCoord` of both.
+    """
     square = trimesh.Trimesh(np.c_[CORNERS, np.zeros(4)], [[0, 1, 2], [0, 2, 3]], process=False)
     pixels = Image.fromarray(np.arange(48, dtype=np.uint8).reshape(4, 4, 3))
     material = trimesh.visual.material.PBRMaterial(baseColorTexture=pixels, normalTexture=pixels)
@@ -33,6 +38,9 @@ def part_of(folder: Path, **moves: Any) -> GltfPart:
     for key, move in moves.items():
         info = (own if key == "normalTexture" else own["pbrMetallicRoughness"])[key]
         info["extensions"] = {NAME: move}
+    if on is not None:
+        for info in (own["normalTexture"], own["pbrMetallicRoughness"]["baseColorTexture"]):
+            info["texCoord"] = on
     place.write_text(json.dumps(header))
     (part,) = gltf_parts(place)
     return part
@@ -80,6 +88,44 @@ def test_pictures_that_move_apart_stay_and_are_named(tmp_path: Path) -> None:
         part = part_of(folder, **{key: MOVE})
         np.testing.assert_allclose(coordinates(part), plain, atol=1e-6)
         assert left_out(part) == (f"{NAME} of {words}",)
+
+
+def test_other_coordinates_leave_the_mean_colour_and_are_named(tmp_path: Path) -> None:
+    usual = part_of(tmp_path).material
+    assert usual is not None
+    assert usual.placed
+    moved = part_of(tmp_path, baseColorTexture={"texCoord": 1, "scale": [2.0, 2.0]})
+    assert moved.material is not None
+    assert not moved.material.placed
+    assert left_out(moved) == ("the detail of its texture, on TEXCOORD_1",)
+    # The transform of a picture that is not placed moves nothing.
+    np.testing.assert_allclose(coordinates(moved), CORNERS * (1, -1) + (0, 1), atol=1e-6)
+    bumps = part_of(tmp_path, normalTexture={"texCoord": 2}).material
+    assert bumps is not None
+    assert bumps.normals is None
+    assert bumps.placed
+    assert bumps.left_out == ("its normal map, on TEXCOORD_2",)
+
+
+def test_a_scene_reads_the_mean_of_a_texture_on_other_coordinates(tmp_path: Path) -> None:
+    name = part_of(tmp_path).name
+    usual = open_material(f"{tmp_path / 'm.gltf'}#{name}", FileFits())
+    part_of(tmp_path, baseColorTexture={"texCoord": 1})
+    moved = open_material(f"{tmp_path / 'm.gltf'}#{name}", FileFits())
+    assert usual.picture is not None
+    assert moved.picture is None
+    assert moved.reflectance == usual.reflectance
+
+
+def test_the_coordinates_of_a_transform_replace_those_of_the_texture(tmp_path: Path) -> None:
+    back = part_of(tmp_path, on=1, baseColorTexture={"texCoord": 0}, normalTexture={"texCoord": 0}).material
+    assert back is not None
+    assert back.placed
+    assert back.normals is not None
+    assert back.left_out == ()
+    assert set(left_out(part_of(tmp_path, on=1))) == {
+        "the detail of its texture, on TEXCOORD_1", "its normal map, on TEXCOORD_1",
+    }  # fmt: skip
 
 
 @pytest.mark.parametrize("key", ["offset", "scale"])
