@@ -64,7 +64,7 @@ class SourceComparison:
 
     def measured(self) -> "list[MeasuredFit]":
         """Return every fit with its numbers."""
-        from homofact.evaluation.means import MeasuredFit
+        from homofact.evaluation.means import MeasuredFit, settings_in_words
 
         found = []
         for label, seeds in self.rows.items():
@@ -73,7 +73,8 @@ class SourceComparison:
                 found.append(
                     MeasuredFit(
                         self.source.name, label, row.settings.seed, fit.nbytes, fit.fetches, values,
-                        fit.transform.epsilon, row.samples, held_out,
+                        fit.transform.epsilon, row.samples, held_out, row.verdict.figures.light.reciprocity,
+                        settings_in_words(row.settings),
                     )
                 )  # fmt: skip
         return found
@@ -378,7 +379,8 @@ def _files(plot: Place | None, csv: Place | None, latex: Place | None, sources: 
 
 def _write(result: CompareResult, steps: ProgressSteps) -> None:
     """Write the requested files."""
-    from homofact.evaluation.means import csv_of, latex_of
+    from homofact.evaluation.latex_means import latex_of
+    from homofact.evaluation.means import csv_of
     from homofact.files.atomic import write_text
 
     for name, place in result.files.items():

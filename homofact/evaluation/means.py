@@ -4,11 +4,8 @@ Fits are gathered by method and bytes, since an error is only to be compared at 
 sources take fewer bytes has several rows. The standard deviation is that of a sample (n − 1), over all fits of a row.
 """
 
-import math
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from decimal import Decimal
 from statistics import fmean
 from typing import Any
 
@@ -16,27 +13,17 @@ from homofact.evaluation.appearance import mean_figures
 from homofact.evaluation.metric_table import METRICS
 from homofact.evaluation.opinion import opinion_table
 from homofact.evaluation.spread import Spread
-from homofact.evaluation.wording import counted
 from homofact.files.tables import csv_text
-from homofact.version import __version__
 
-_SPECIAL = {
-    "\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}",
-    **{letter: f"\\{letter}" for letter in "&%$#_{}"}, **{letter: f"${letter}$" for letter in "<>|"},
-}  # fmt: skip
-# Methods as papers write them; others keep their names.
-_METHODS = {
-    "search": "Search", "cole": "Cole", "mccool": "McCool", "svd": "SVD", "nmf": "NMF", "ggx": "GGX",
-    "gaussians": "Gaussians", "npf": "NPF", "nbrdf": "NBRDF",
-}  # fmt: skip
-# Units as LaTeX sets them.
-_LATEX = {"sr⁻²": r"$\mathrm{sr}^{-2}$", "sr⁻¹": r"$\mathrm{sr}^{-1}$", "sr⁻¹ᐟ³": r"$\mathrm{sr}^{-1/3}$", "dB": "dB"}
 _COLUMNS = (
     "source", "method", "bytes", "fetches", "sources", "fits", "metric", "unit", "mean", "standard_deviation", "min",
     "max", "epsilon",
 )  # fmt: skip
 # Metrics of the log transform, whose values depend on its ε.
 OF_EPSILON = ("log_mse", "log_mae", "log_max")
+_ROUNDING = 1e-3  # of the light: so much may change where light and viewer are swapped
+# Settings that decide how well a method does, as the comments of a table name them.
+_SETTINGS = ("textures", "size", "bytes", "effort", "budget", "restarts", "joint_terms")
 
 
 @dataclass(frozen=True)
@@ -44,7 +31,8 @@ class MeasuredFit:
     """One fit: what it is of and by, its bytes and fetches, and its metrics' numbers by name, None for no number.
 
     `epsilon` is that of its log transform, `samples` how many the source has, `held_out` how many of them the numbers
-    are from.
+    are from. `swapped` is the share of the fit's light that changes where light and viewer are swapped, and `settings`
+    are those of its method in words.
     """
 
     source: str
@@ -56,6 +44,13 @@ class MeasuredFit:
     epsilon: float
     samples: int
     held_out: int
+    swapped: float = 0.0
+    settings: str = ""
+
+    @property
+    def is_reciprocal(self) -> bool:
+        """Whether light and viewer may be swapped, up to rounding."""
+        return self.swapped <= _ROUNDING
 
 
 @dataclass(frozen=True)
@@ -63,6 +58,7 @@ class MeanRow:
     """All fits by one method in so many bytes: of a source, or of all ("").
 
     `spreads` are by metric; None where some fit has no number. `epsilon` is None where fits have different ones.
+    `not_reciprocal` counts the fits in which light and viewer may not be swapped.
     """
 
     source: str
@@ -73,6 +69,7 @@ class MeanRow:
     fits: int
     epsilon: float | None
     spreads: dict[str, Spread | None]
+    not_reciprocal: int = 0
 
 
 def mean_record(records: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
@@ -122,7 +119,8 @@ def mean_rows(fits: Sequence[MeasuredFit], source: str = "") -> list[MeanRow]:
             sources, fetches = len({fit.source for fit in some}), max(fit.fetches for fit in some)
             epsilons = {fit.epsilon for fit in some}
             epsilon = epsilons.pop() if len(epsilons) == 1 else None
-            rows.append(MeanRow(source, method, nbytes, fetches, sources, len(some), epsilon, spreads))
+            one_way = sum(not fit.is_reciprocal for fit in some)
+            rows.append(MeanRow(source, method, nbytes, fetches, sources, len(some), epsilon, spreads, one_way))
     return rows
 
 
@@ -162,135 +160,13 @@ def csv_of(fits: Sequence[MeasuredFit]) -> str:
     return csv_text(lines)
 
 
-def latex_of(fits: Sequence[MeasuredFit], by_source: bool = False) -> str:
-    """Return a tabular for booktabs over all fits: a line per method and bytes, a column per metric with its unit.
-
-    With `by_source`, the lines of each source come first, below its name, and those over all sources last.
-    """
-    rows = mean_rows(fits)
-    metrics = list(rows[0].spreads)
-    heads = [_headed(name) for name in metrics]
-    sources = {fit.source for fit in fits}
-    seeds = sorted({fit.seed for fit in fits})
-    of = f"{counted(len(sources), 'source')} and {counted(len(seeds), 'seed')} ({', '.join(map(str, seeds))})"
-    lines = [
-        f"% homofact {__version__}: mean and standard deviation over the fits to {of}, on held-out samples.",
-        *(f"% {_comment(line)}" for line in sources_in_words(fits)),
-        r"% \usepackage{booktabs}",
-        rf"\begin{{tabular}}{{l{'r' * (len(metrics) + 2)}}}",
-        r"\toprule",
-        " & ".join(["Method", "Bytes", "Fits", *heads]) + r" \\",
-        r"\midrule",
-        *(_groups(fits) if by_source else []),
-        *map(_line, rows),
-        r"\bottomrule",
-        r"\end{tabular}",
-    ]
-    return "\n".join(lines) + "\n"
-
-
-def _groups(fits: Sequence[MeasuredFit]) -> list[str]:
-    """The lines of each source below its name, and the head of those over all."""
-    names = list(dict.fromkeys(fit.source for fit in fits))
-    if len(names) == 1:
-        return []
-    lines = []
-    for name in names:
-        rows = mean_rows(fits, name)
-        lines += [_across(escaped(name), rows[0]), *map(_line, rows), r"\midrule"]
-    return [*lines, _across("All sources", mean_rows(fits)[0])]
-
-
-def _across(words: str, row: MeanRow) -> str:
-    return rf"\multicolumn{{{len(row.spreads) + 3}}}{{l}}{{{words}}} \\"
-
-
-def sources_in_words(fits: Sequence[MeasuredFit]) -> list[str]:
-    """Return a line per source with the ε of its fits and how many samples were held out, and a warning if ε differs.
-
-    Examples
-    --------
-    >>> sources_in_words([MeasuredFit("paint", "mccool", 0, 12, 3, {"log_mse": 0.1}, 0.01, 1830, 366)])
-    ['paint: epsilon 0.01; 366 of 1830 samples held out']
-    """
-    first = {fit.source: fit for fit in reversed(fits)}
-    names = dict.fromkeys(fit.source for fit in fits)
-    lines = []
-    for name in names:
-        epsilons = " to ".join(f"{e:g}" for e in sorted({fit.epsilon for fit in fits if fit.source == name}))
-        one = first[name]
-        part = (
-            f"{one.held_out} of {one.samples} samples held out"
-            if one.held_out
-            else f"no sample of {one.samples} held out"
-        )
-        lines.append(f"{name}: epsilon {epsilons}; {part}")
-    warning = mixed_epsilons(fits)
-    return [*lines, *([f"Beware: {warning}"] if warning else [])]
-
-
-def _line(row: MeanRow) -> str:
-    cells = [escaped(_method(row.method)), str(row.nbytes), str(row.fits), *map(_cell, row.spreads.values())]
-    return " & ".join(cells) + r" \\"
-
-
-def _method(label: str) -> str:
-    """A label with its method as papers write it: "GGX:2" for "ggx:2"."""
-    name, colon, listed = label.partition(":")
-    return _METHODS.get(name, name) + colon + listed
-
-
-def escaped(text: str) -> str:
-    """Return a name as text of LaTeX: nothing in it is a command; what does not print is a space."""
-    return "".join(_SPECIAL.get(letter, letter if letter.isprintable() else " ") for letter in text)
-
-
-def rounded(mean: float, deviation: float | None) -> tuple[str, str, int]:
-    """Return (mean, standard deviation, n) in as many digits as the deviation deserves, both to be taken times 10ⁿ.
-
-    The deviation has one digit, two where the first is 1; without one, or where it is 0, the mean has three. n is 0
-    where the mean is readable without.
-    """
-    largest = max(abs(mean), deviation or 0.0)
-    power = math.floor(math.log10(largest)) if largest > 0 else 0
-    power = 0 if -3 <= power < 5 else power
-    if not deviation:
-        digits = 2 - (math.floor(math.log10(abs(mean))) if mean else 0)
-        return _fixed(mean, digits + power, power), "" if deviation is None else "0", power
-    # Its first digit as it is rounded: that of 0.0996 is a 1.
-    kept = Decimal(f"{deviation:.1e}")
-    digits = (1 if kept.as_tuple().digits[0] == 1 else 0) - kept.adjusted()
-    return _fixed(mean, digits + power, power), _fixed(deviation, digits + power, power), power
-
-
-def _fixed(value: float, digits: int, power: int) -> str:
-    """A number over 10^power with so many digits behind the point; whole ones rounded to tens for fewer than none."""
-    scaled = Decimal(repr(value)).scaleb(-power)
-    digits_kept = scaled.quantize(Decimal(1).scaleb(-digits))
-    return f"{digits_kept:f}" if digits >= 0 else f"{int(digits_kept)}"
-
-
-def _cell(spread: Spread | None) -> str:
-    if spread is None or math.isnan(spread.mean):
-        return "--"
-    if math.isinf(spread.mean):
-        return r"$\infty$" if spread.mean > 0 else r"$-\infty$"
-    mean, deviation, power = rounded(spread.mean, spread.deviation)
-    both = rf"{mean} \pm {deviation}" if deviation else mean
-    if power == 0:
-        return f"${both}$"
-    return rf"$({both}) \times 10^{{{power}}}$" if deviation else rf"${both} \times 10^{{{power}}}$"
-
-
-def _headed(metric: str) -> str:
-    """A metric in words and its unit, capitalized; its name where the words need more than ASCII."""
-    unit, words = METRICS[metric].unit, METRICS[metric].label
-    words = words if words.isascii() else metric.replace("_", " ")
-    return escaped(words[:1].upper() + words[1:]) + (f" ({_LATEX[unit]})" if unit else "")
-
-
-def _comment(text: str) -> str:
-    return re.sub(r"[^ -~\u00a0-\uffff]", " ", text)
+def settings_in_words(settings: Any) -> str:
+    """Return the settings of a method that decide how well it does: "textures 2, size 16, effort normal"."""
+    own = vars(settings)
+    given = {name: own[name] for name in _SETTINGS if own.get(name) is not None}
+    if "bytes" in given:
+        given.pop("size", None)
+    return ", ".join(f"{name} {value}" for name, value in given.items())
 
 
 def _plain(value: float | None) -> str:

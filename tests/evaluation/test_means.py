@@ -13,9 +13,12 @@ from pylatexenc.latex2text import LatexNodes2Text
 from pylatexenc.latexwalker import LatexEnvironmentNode, LatexWalker
 
 from homofact.errors import BadInput
-from homofact.evaluation.means import MeasuredFit, csv_of, escaped, latex_of, mean_rows, mixed_epsilons, rounded
+from homofact.evaluation.latex_means import escaped, latex_of, rounded
+from homofact.evaluation.means import MeasuredFit, csv_of, mean_rows, mixed_epsilons, settings_in_words
 from homofact.evaluation.metric_table import METRICS
 from homofact.evaluation.seeds import asked_seeds
+from homofact.methods.cole import Cole
+from homofact.methods.search import Search
 from homofact.methods.table import ALL_METHODS
 
 HOSTILE = r"50%_of #1 & {a}\input{x} $x$ ~^ <b>|\"quoted\""
@@ -130,13 +133,14 @@ def cells(latex: str) -> list[list[str]]:
 def test_the_latex_is_what_a_parser_of_latex_reads() -> None:
     latex = latex_of([*FITS, fit("paint", HOSTILE, 0, 10, 1.5e-5)])
     head, small, large, mccool, hostile = cells(latex)
-    assert head[:4] == ["Method", "Bytes", "Fits", "Log MSE"]
+    # 0.7 and 1.5e-5 in one column: the head has the power of ten of both.
+    assert [cell.replace(" ", "") for cell in head[:4]] == ["Method", "Bytes", "Fits", "LogMSE(10^-3)"]
     assert [cell.replace(" ", "") for cell in head[4:]] == ["MAE(sr^-1)", "PSNR(dB)"]
-    assert small == ["Search", "3072", "1", "0.700", "0.500", "30.0"]
-    assert [cell.replace(" ", "") for cell in large] == ["Search", "6144", "3", "0.20±0.10", "0.500±0", "30.0±0"]
+    assert small == ["Search", "3072", "1", "700", "0.500", "30.0"]
+    assert [cell.replace(" ", "") for cell in large] == ["Search", "6144", "3", "200±100", "0.500±0", "30.0±0"]
     assert [cell.strip() for cell in mccool[3:]] == ["–", "0.500 ± 0", "∞"]
     assert hostile[0].replace("ˆ", "^").replace(" ", "") == HOSTILE.replace(" ", "")
-    assert hostile[3].replace(" ", "") == "1.50×10^-5"
+    assert hostile[3].replace(" ", "") == "0.0150"
     assert r"\begin{tabular}{lrrrrr}" in latex
     assert latex.splitlines()[0].endswith("2 sources and 2 seeds (0, 1), on held-out samples.")
 
@@ -186,3 +190,58 @@ def test_seeds_are_counted_or_listed(text: str, seeds: tuple[int, ...]) -> None:
 def test_seeds_that_are_none_are_refused(text: str) -> None:
     with pytest.raises(BadInput, match="seeds: found"):
         asked_seeds(0, text)
+
+
+def test_numbers_of_a_column_have_one_power_of_ten() -> None:
+    def column(*values: float) -> tuple[str, list[str]]:
+        head, *rows = cells(latex_of([fit("paint", f"m{k}", 0, 4, value) for k, value in enumerate(values)]))
+        return head[3].replace(" ", ""), [row[3].replace(" ", "") for row in rows]
+
+    assert column(0.5, 0.00123) == ("LogMSE", ["0.500", "0.00123"])
+    assert column(1.23e-5, 4.56e-6) == ("LogMSE(10^-6)", ["12.3", "4.56"])
+    assert column(1.23e-5, 0.04) == ("LogMSE(10^-4)", ["0.123", "400"])
+    assert column(123456.0, 2e4) == ("LogMSE(10^4)", ["12.3", "2.00"])
+    # Too far apart for one: each has its own, and all are written alike.
+    assert column(1e-6, 0.5) == ("LogMSE", ["1.00×10^-6", "5.00×10^-1"])
+    # The unit stands beside the power.
+    (head, _) = cells(latex_of([replace(FITS[0], values={"mae": 1e-5})]))
+    assert head[3].replace(" ", "") == "MAE(10^-5sr^-1)"
+
+
+def test_rows_of_sources_share_the_powers_of_the_whole_table() -> None:
+    small = [fit("paint", "search", 0, 4, 1e-5), fit("clay", "search", 0, 4, 3e-5)]
+    latex = latex_of(small, by_source=True)
+    assert latex.count("times 10^") == 0
+    assert [line.split(" & ")[3] for line in latex.splitlines() if line.startswith("Search")] == [
+        "$1.00$", "$3.00$", r"$2.0 \pm 1.4$",
+    ]  # fmt: skip
+
+
+def test_fits_that_are_not_reciprocal_are_marked() -> None:
+    free = replace(FITS[0], swapped=0.042, settings="textures 2, size 16, effort normal")
+    latex = latex_of([free, *FITS[1:]])
+    lines = latex.splitlines()
+    assert lines[3] == "% search: textures 2, size 16, effort normal; 1 of 4 fits not reciprocal"
+    rows = [line for line in lines if line.startswith(("Search", "McCool"))]
+    assert [r"$^{\dagger}$" in row for row in rows] == [False, True, False]
+    assert lines[-2].startswith(r"\multicolumn{6}{l}{")
+    assert r"changes up to 4\% of the light." in lines[-2]
+    assert lines[-3] == r"\bottomrule"
+    # Rounding is no lack of reciprocity.
+    assert "dagger" not in latex_of([replace(FITS[0], swapped=1e-6), *FITS[1:]])
+
+
+def test_a_deviation_of_nothing_is_explained() -> None:
+    words = "% A deviation of 0: the seeds gave one and the same fit"
+    assert words in latex_of(FITS)  # the mean absolute errors are all 0.5
+    assert words not in latex_of([replace(one, values={"log_mse": 0.1 * k}) for k, one in enumerate(FITS[:3])])
+
+
+def test_the_settings_that_decide_are_named() -> None:
+    assert settings_in_words(Search(textures=2, size=16, effort="quick")).startswith(
+        "textures 2, size 16, effort quick"
+    )
+    assert settings_in_words(Search(bytes=4096)).startswith("textures 2, bytes 4096, effort normal")
+    cole = settings_in_words(Cole(textures=2, size=16, restarts=4))
+    assert "restarts 4, joint_terms 2" in cole
+    assert "effort" not in cole

@@ -1,0 +1,236 @@
+"""The LaTeX table of a comparison's means: a tabular for booktabs with comments on sources and methods.
+
+Deviations have one or two digits, and means are rounded alike. All numbers of a column have the same power of ten,
+which is in its head, unless they are too far apart for one.
+"""
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from decimal import Decimal
+
+from homofact.evaluation.means import MeanRow, MeasuredFit, mean_rows, mixed_epsilons
+from homofact.evaluation.metric_table import METRICS
+from homofact.evaluation.spread import Spread
+from homofact.evaluation.wording import counted
+from homofact.version import __version__
+
+_SPECIAL = {
+    "\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}",
+    **{letter: f"\\{letter}" for letter in "&%$#_{}"}, **{letter: f"${letter}$" for letter in "<>|"},
+}  # fmt: skip
+# Methods as papers write them; others keep their names.
+_METHODS = {
+    "search": "Search", "cole": "Cole", "mccool": "McCool", "svd": "SVD", "nmf": "NMF", "ggx": "GGX",
+    "gaussians": "Gaussians", "npf": "NPF", "nbrdf": "NBRDF",
+}  # fmt: skip
+# Units as LaTeX sets them.
+_LATEX = {"sr⁻²": r"$\mathrm{sr}^{-2}$", "sr⁻¹": r"$\mathrm{sr}^{-1}$", "sr⁻¹ᐟ³": r"$\mathrm{sr}^{-1/3}$", "dB": "dB"}
+_MARK = r"$\dagger$"  # of a method with fits that are not reciprocal
+# Decades of a column's numbers that one power of ten serves.
+_DECADES = 4
+
+
+def latex_of(fits: Sequence[MeasuredFit], by_source: bool = False) -> str:
+    """Return a tabular for booktabs over all fits: a line per method and bytes, a column per metric with its unit.
+
+    With `by_source`, the lines of each source come first, below its name, and those over all sources last. All numbers
+    of a column have one power of ten, in its head, where one serves them. A line below the table marks fits that are
+    not reciprocal; comments name the settings of each method.
+    """
+    rows = mean_rows(fits)
+    metrics = list(rows[0].spreads)
+    groups = _groups(fits) if by_source else []
+    powers = _powers([*rows, *(row for _, some in groups for row in some)])
+    heads = [_headed(name, powers[name]) for name in metrics]
+    sources = {fit.source for fit in fits}
+    seeds = sorted({fit.seed for fit in fits})
+    of = f"{counted(len(sources), 'source')} and {counted(len(seeds), 'seed')} ({', '.join(map(str, seeds))})"
+    lines = [
+        f"% homofact {__version__}: mean and standard deviation over the fits to {of}, on held-out samples.",
+        *(f"% {_comment(line)}" for line in (*sources_in_words(fits), *methods_in_words(fits), *_unspread(rows))),
+        r"% \usepackage{booktabs}",
+        rf"\begin{{tabular}}{{l{'r' * (len(metrics) + 2)}}}",
+        r"\toprule",
+        " & ".join(["Method", "Bytes", "Fits", *heads]) + r" \\",
+        r"\midrule",
+        *_grouped(groups, rows[0], powers),
+        *(_line(row, powers) for row in rows),
+        r"\bottomrule",
+        *_marked(fits, len(metrics) + 3),
+        r"\end{tabular}",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _groups(fits: Sequence[MeasuredFit]) -> list[tuple[str, list[MeanRow]]]:
+    """Each source with its rows; none where there is one source alone."""
+    names = list(dict.fromkeys(fit.source for fit in fits))
+    return [] if len(names) == 1 else [(name, mean_rows(fits, name)) for name in names]
+
+
+def _grouped(groups: Sequence[tuple[str, list[MeanRow]]], row: MeanRow, powers: Mapping[str, int | None]) -> list[str]:
+    """The lines of each source below its name, and the head of those over all."""
+    lines = []
+    for name, rows in groups:
+        lines += [_across(escaped(name), row), *(_line(one, powers) for one in rows), r"\midrule"]
+    return [*lines, _across("All sources", row)] if groups else []
+
+
+def _marked(fits: Sequence[MeasuredFit], columns: int) -> list[str]:
+    """The line under a table that says what marks its methods; none where no fit is marked."""
+    marked = [fit for fit in fits if not fit.is_reciprocal]
+    if not marked:
+        return []
+    most = max(fit.swapped for fit in marked)
+    words = rf"\footnotesize {_MARK} Not reciprocal: swapping light and viewer changes up to {most:.0%}".replace(
+        "%", r"\%"
+    )
+    return [rf"\multicolumn{{{columns}}}{{l}}{{{words} of the light.}} \\"]
+
+
+def _across(words: str, row: MeanRow) -> str:
+    return rf"\multicolumn{{{len(row.spreads) + 3}}}{{l}}{{{words}}} \\"
+
+
+def methods_in_words(fits: Sequence[MeasuredFit]) -> list[str]:
+    """Return a line per method with its settings, and in how many of its fits light and viewer may not be swapped.
+
+    Examples
+    --------
+    >>> methods_in_words([MeasuredFit("paint", "search", 0, 12, 3, {}, 0.01, 90, 9, 0.04, "textures 2, effort normal")])
+    ['search: textures 2, effort normal; 1 of 1 fit not reciprocal']
+    """
+    lines = []
+    for name in dict.fromkeys(fit.method for fit in fits):
+        own = [fit for fit in fits if fit.method == name]
+        several = dict.fromkeys(fit.settings for fit in own if fit.settings)
+        one_way = sum(not fit.is_reciprocal for fit in own)
+        parts = [*several, *([f"{one_way} of {counted(len(own), 'fit')} not reciprocal"] if one_way else [])]
+        if parts:
+            lines.append(f"{name}: {'; '.join(parts)}")
+    return lines
+
+
+def _unspread(rows: Sequence[MeanRow]) -> list[str]:
+    """What a deviation of 0 means, where there is one."""
+    spreads = [spread for row in rows for spread in row.spreads.values() if spread is not None]
+    if not any(spread.deviation == 0 for spread in spreads):
+        return []
+    return ["A deviation of 0: the seeds gave one and the same fit, so it tells nothing of how such fits scatter."]
+
+
+def _powers(rows: Sequence[MeanRow]) -> dict[str, int | None]:
+    """The power of ten of each metric's column; None where its numbers are too far apart for one.
+
+    Column by column: 0 where all its numbers are readable without.
+    """
+    found: dict[str, int | None] = {}
+    for name in rows[0].spreads:
+        spreads = [row.spreads[name] for row in rows]
+        sizes = [max(abs(each.mean), each.deviation or 0.0) for each in spreads if each is not None]
+        places = [math.floor(math.log10(size)) for size in sizes if 0 < size < math.inf]
+        low, high = min(places, default=0), max(places, default=0)
+        plain = low >= -3 and high < 5
+        found[name] = 0 if plain else max(low, high - 2) if high - low <= _DECADES else None
+    return found
+
+
+def sources_in_words(fits: Sequence[MeasuredFit]) -> list[str]:
+    """Return a line per source with the ε of its fits and how many samples were held out, and a warning if ε differs.
+
+    Examples
+    --------
+    >>> sources_in_words([MeasuredFit("paint", "mccool", 0, 12, 3, {"log_mse": 0.1}, 0.01, 1830, 366)])
+    ['paint: epsilon 0.01; 366 of 1830 samples held out']
+    """
+    first = {fit.source: fit for fit in reversed(fits)}
+    names = dict.fromkeys(fit.source for fit in fits)
+    lines = []
+    for name in names:
+        epsilons = " to ".join(f"{e:g}" for e in sorted({fit.epsilon for fit in fits if fit.source == name}))
+        one = first[name]
+        part = (
+            f"{one.held_out} of {one.samples} samples held out"
+            if one.held_out
+            else f"no sample of {one.samples} held out"
+        )
+        lines.append(f"{name}: epsilon {epsilons}; {part}")
+    warning = mixed_epsilons(fits)
+    return [*lines, *([f"Beware: {warning}"] if warning else [])]
+
+
+def _line(row: MeanRow, powers: Mapping[str, int | None]) -> str:
+    mark = f"$^{{{_MARK.strip('$')}}}$" if row.not_reciprocal else ""
+    numbers = (_cell(spread, powers[name]) for name, spread in row.spreads.items())
+    cells = [escaped(_method(row.method)) + mark, str(row.nbytes), str(row.fits), *numbers]
+    return " & ".join(cells) + r" \\"
+
+
+def _method(label: str) -> str:
+    """A label with its method as papers write it: "GGX:2" for "ggx:2"."""
+    name, colon, listed = label.partition(":")
+    return _METHODS.get(name, name) + colon + listed
+
+
+def escaped(text: str) -> str:
+    """Return a name as text of LaTeX: nothing in it is a command; what does not print is a space."""
+    return "".join(_SPECIAL.get(letter, letter if letter.isprintable() else " ") for letter in text)
+
+
+def rounded(mean: float, deviation: float | None, power: int | None = None) -> tuple[str, str, int]:
+    """Return (mean, standard deviation, n) in as many digits as the deviation deserves, both to be taken times 10ⁿ.
+
+    The deviation has one digit, two where the first is 1; without one, or where it is 0, the mean has three. n is
+    `power`; where that is None, 0 if the mean is readable without.
+    """
+    if power is None:
+        power = _own_power(mean, deviation)
+        power = 0 if -3 <= power < 5 else power
+    if not deviation:
+        digits = 2 - (math.floor(math.log10(abs(mean))) if mean else 0)
+        return _fixed(mean, digits + power, power), "" if deviation is None else "0", power
+    # Its first digit as it is rounded: that of 0.0996 is a 1.
+    kept = Decimal(f"{deviation:.1e}")
+    digits = (1 if kept.as_tuple().digits[0] == 1 else 0) - kept.adjusted()
+    return _fixed(mean, digits + power, power), _fixed(deviation, digits + power, power), power
+
+
+def _own_power(mean: float, deviation: float | None) -> int:
+    """The power of ten of the first digit of the larger one."""
+    largest = max(abs(mean), deviation or 0.0)
+    return math.floor(math.log10(largest)) if largest > 0 else 0
+
+
+def _fixed(value: float, digits: int, power: int) -> str:
+    """A number over 10^power with so many digits behind the point; whole ones rounded to tens for fewer than none."""
+    scaled = Decimal(repr(value)).scaleb(-power)
+    digits_kept = scaled.quantize(Decimal(1).scaleb(-digits))
+    return f"{digits_kept:f}" if digits >= 0 else f"{int(digits_kept)}"
+
+
+def _cell(spread: Spread | None, power: int | None) -> str:
+    """A cell of a column whose head has the `power` of ten; of None each cell has its own."""
+    if spread is None or math.isnan(spread.mean):
+        return "--"
+    if math.isinf(spread.mean):
+        return r"$\infty$" if spread.mean > 0 else r"$-\infty$"
+    own = _own_power(spread.mean, spread.deviation) if power is None else power
+    mean, deviation, _ = rounded(spread.mean, spread.deviation, own)
+    both = rf"{mean} \pm {deviation}" if deviation else mean
+    if power is not None:
+        return f"${both}$"
+    return rf"$({both}) \times 10^{{{own}}}$" if deviation else rf"${both} \times 10^{{{own}}}$"
+
+
+def _headed(metric: str, power: int | None) -> str:
+    """A metric in words, capitalized, with its column's power of ten and its unit; its name if words are no ASCII."""
+    unit, words = METRICS[metric].unit, METRICS[metric].label
+    words = words if words.isascii() else metric.replace("_", " ")
+    parts = [f"$10^{{{power}}}$"] if power else []
+    parts += [_LATEX[unit]] if unit else []
+    return escaped(words[:1].upper() + words[1:]) + (f" ({' '.join(parts)})" if parts else "")
+
+
+def _comment(text: str) -> str:
+    return re.sub(r"[^ -~\u00a0-\uffff]", " ", text)
