@@ -10,10 +10,12 @@ from homofact.cli import options as o
 from homofact.cli.layout import hanging
 from homofact.cli.materials import list_materials
 from homofact.cli.screen import Screen
-from homofact.cli.subject import source_of
+from homofact.cli.subject import sources_of
 from homofact.cli.tables import facts_table
+from homofact.errors import BadInput
 
 if TYPE_CHECKING:
+    from homofact.api.describing import InfoResult
     from homofact.config import Config
 
 # How a command is given a TOML file.
@@ -27,7 +29,7 @@ _READING = {
 }
 
 
-@o.configured("source.path", "source", "seed", but=("source.subset",))
+@o.configured("compare.sources", "source", "seed", but=("source.path", "source.subset"))
 def info(
     settings: "Config",
     drawing: Annotated[
@@ -41,23 +43,39 @@ def info(
     as_json: o.AsJson = False,
     quiet: o.Quiet = False,
 ) -> None:
-    """Describe a measurement's file, a named material, or the folder of a fit or a scene.
+    """Describe measurements' files, named materials, or the folders of fits or scenes.
 
     Without SOURCE it lists the named materials: material:NAME is a SOURCE.
+    Several SOURCEs are described one after another.
     For a result's folder (homofact factorize) it prints the fit and its
     error bars at each angle. For the folder of a scene (homofact relight,
     homofact edit) it prints the contents and their errors. For a TOML file
     (a configuration, a sweep, a scene) it names the command that reads it.
     """
     screen = Screen(as_json, quiet)
-    if settings.source.path is None:
+    if settings.source.path is None and not settings.compare.sources:
         list_materials(drawing, screen)
         return
+    sources = sources_of(settings, settings.compare.sources)
+    if drawing is not None and len(sources) > 1:
+        raise BadInput(where="plot", found=f"it with {len(sources)} sources", expected="one source")
 
     from homofact.api.describing import info
 
     with screen.progress() as progress:
-        found = info(source_of(settings), plot=drawing, seed=settings.seed, progress=progress)
+        every = [info(source, plot=drawing, seed=settings.seed, progress=progress) for source in sources]
+    for number, found in enumerate(every):
+        screen.show(*([""] if number else []))
+        _show(found, screen)
+    asked = list(dict.fromkeys(question for found in every for question in found.asked))
+    if asked:
+        heading = "Please check:" if len(every) == 1 else "\nPlease check for each measurement:"
+        screen.show(heading, *(hanging(f"- {question}", len("- ")) for question in asked))
+    records = [found.record() for found in every]
+    screen.answer(records[0] if len(records) == 1 else {"sources": records})
+
+
+def _show(found: "InfoResult", screen: Screen) -> None:
     rows = found.rows
     if "read_by" in found.facts:
         commands = [f"homofact {_READING[name].format(file=found.facts['file'])}" for name in found.facts["read_by"]]
@@ -66,6 +84,3 @@ def info(
     if found.suspected:
         lines = [hanging(f"- {suspicion.line()}", len("- ")) for suspicion in found.suspected]
         screen.show("Suspected, with the odds against the data as they stand:", *lines)
-    if found.asked:
-        screen.show("Please check:", *(hanging(f"- {question}", len("- ")) for question in found.asked))
-    screen.answer(found.record())
