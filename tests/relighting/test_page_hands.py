@@ -124,7 +124,12 @@ def test_a_page_without_a_reference_says_so(chromium: Any, page: Any, tmp_path: 
     try:
         headless.open_page(chromium, tmp_path / "p.html")
         headless.settled(chromium)
-        assert words(chromium, "error-words").startswith("This page has no reference.")
+        assert words(chromium, "error-words").startswith(
+            "This page has no reference, because relight ran without --reference."
+        )
+        # No time is shown of what was not timed.
+        assert "–" not in words(chromium, "status")
+        assert "among the numbers below" not in words(chromium, "error-words")
         assert chromium.execute_script("return document.getElementById('show-field').hidden") is True
     finally:
         requests(chromium)

@@ -18,6 +18,7 @@ class View {
     this.lamps = data.lamps;
     this.lights = [...data.suns, ...data.lamps];
     this.reference = data.reference;
+    this.judged = data.numbers.some(([, rows]) => rows.some(([name]) => name.startsWith("error, ")));
     this.orbit = new Orbit(data.camera);
     this.mostTerms = Math.max(...objects.map((object) => object.terms));
     this.mostKept = Math.max(...objects.map((object) => object.longest));

@@ -71,8 +71,12 @@ function showScale(view) {
 /** The line over the picture: what is pending, and how long things take. */
 function showStatus(view) {
   const { relit, times } = view, pending = relit.pending;
-  const milliseconds = (x) => (x === null ? "–" : `${x < 9.95 ? x.toFixed(1) : x.toFixed(0)} ms`);
-  by("status").textContent = `${grouped(pending)} of ${grouped(relit.coefficients)} coefficients pending · light ${milliseconds(times.light)} · view ${milliseconds(times.view)}`;
+  // What has not been timed yet is left out.
+  const timed = ["light", "view"].filter((name) => times[name] !== null).map((name) => {
+    const x = times[name];
+    return `${name} ${x < 9.95 ? x.toFixed(1) : x.toFixed(0)} ms`;
+  });
+  by("status").textContent = [`${grouped(pending)} of ${grouped(relit.coefficients)} coefficients pending`, ...timed].join(" · ");
 }
 
 /** The error against the reference where there is one for this light and camera, and the light below zero. */
@@ -83,7 +87,7 @@ function showError(view, statistics) {
   by("go-reference").hidden = !reference || view.atReference;
   if (!reference) {
     by("error").textContent = "";
-    by("error-words").textContent = "This page has no reference. To add one, use homofact relight --reference.";
+    by("error-words").textContent = `This page has no reference, because relight ran without --reference. Run it again with --reference to compare the picture with the full sum.${view.judged ? " The errors that relight measured are among the numbers below." : ""}`;
     return;
   }
   by("error").textContent = statistics.error === null ? "–" : percent(statistics.error);
