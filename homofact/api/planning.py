@@ -183,6 +183,7 @@ def plan(
         check_file(figure, ".png", ".pdf", ".svg")
     settings = PlanSettings(effort, budget, count)
 
+    from homofact.planning.clock import PlanClock
     from homofact.planning.export import check_plan_folder, write_plan
     from homofact.planning.ladder import FitOptions
     from homofact.planning.neighbours import with_larger_measured
@@ -203,10 +204,11 @@ def plan(
         steps.warm_up()
         options = FitOptions(**vars(settings), seed=asked.seed)
         fits: dict[str, Any] = {}
-        found = with_larger_measured(plan_scene(asked, options, fits, steps.stage), steps.stage)
+        clock = PlanClock(steps.expect)
+        found = with_larger_measured(plan_scene(asked, options, fits, clock), clock.larger)
         other = None
         if other_lighting is not None:
-            other = plan_scene(replace(asked, lightings=(other_lighting,)), options, fits, steps.stage)
+            other = plan_scene(replace(asked, lightings=(other_lighting,)), options, fits, clock)
         if refusal.strict and found.warnings:
             raise BadInput(found.warnings[0])
         steps.stage("judging the choices")

@@ -19,6 +19,7 @@ WORTH_SAYING = 5.0  # seconds that a call may take without saying so
 class ProgressStep:
     """Where a call is: the `stage` in words, `done` of `total` parts (None where nobody knows), and `figures` of a fit.
 
+    `left` are the seconds that are expected to be left, None where only the parts tell.
     A step with a `note` is a sentence for the user, and moves nothing; a `passing` one explains a wait and is of no use
     afterwards.
     """
@@ -29,6 +30,7 @@ class ProgressStep:
     figures: str = ""
     note: str = ""
     passing: bool = False
+    left: float | None = None
 
 
 Progress = Callable[[ProgressStep], object]
@@ -46,6 +48,11 @@ class ProgressSteps:
         """Begin a stage of unknown length."""
         self._stage, self._done, self._runs = name, 0, 1
         self._say(ProgressStep(name))
+
+    def expect(self, name: str, passed: float, left: float) -> None:
+        """Begin a stage of a call that has taken `passed` seconds and is expected to take `left` more."""
+        self._stage, self._done, self._runs = name, 0, 1
+        self._say(ProgressStep(name, passed, passed + left, left=left))
 
     def run(self, name: str, done: int, runs: int) -> None:
         """Begin one of several runs, of which `done` are behind it."""
@@ -65,6 +72,7 @@ class ProgressSteps:
         """Make the compiled kernels ready before a fit is timed, and report it if it took compiling."""
         from homofact.linear.normal import warm_up
 
+        self.stage("compiling kernels, once per installation")
         seconds = warm_up()
         if seconds > 0:
             self.note(f"compiled its kernels in {seconds:.1f} s; from now on they are loaded", passing=True)

@@ -94,14 +94,15 @@ def measure(
     limits = {name: _limits(name, text) for name, text in (("theta_i", theta_i), ("theta_o", theta_o), ("phi", phi))}
 
     from homofact.api.measuring import measure
-    from homofact.measuring.goniometer import Goniometer
 
-    goniometer = Goniometer(
-        **limits, separation=separation, resolution=resolution, rings=rings, azimuths=azimuths, speed=speed,
-        settle=settle,
-    )  # fmt: skip
     screen = Screen(as_json, quiet)
     with screen.progress() as progress:
+        from homofact.measuring.goniometer import Goniometer
+
+        goniometer = Goniometer(
+            **limits, separation=separation, resolution=resolution, rings=rings, azimuths=azimuths, speed=speed,
+            settle=settle,
+        )  # fmt: skip
         found = measure(
             list(samples or []) or None, directions=directions, incidences=incidences, goniometer=goniometer, to=out,
             complete=complete, channels=tuple(name.strip() for name in channels.split(",")), stop=stop,

@@ -69,7 +69,6 @@ def plan(
     settings of each object: docs/relighting.md.
     """
     from homofact.api.planning import PlanResult, TransportPlan, plan
-    from homofact.planning.export import COLOUR
 
     screen = Screen(as_json, quiet)
     with screen.progress() as progress:
@@ -87,6 +86,8 @@ def plan(
         if plot is not None:
             screen.note(f"The figure: {plot}")
         if write is not None:
+            from homofact.planning.export import COLOUR
+
             screen.note(f"The choices: {write}")
             fits = [name for name in (found.folders or {}).values() if not (write / name / COLOUR).exists()]
             if fits:

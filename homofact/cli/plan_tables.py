@@ -10,6 +10,7 @@ from homofact.evaluation.wording import counted, figure
 from homofact.planning.tolerance import WORDS
 
 if TYPE_CHECKING:
+    from homofact.planning.neighbours import Neighbour
     from homofact.planning.plan import MaterialPlan, ScenePlan
 
 
@@ -56,7 +57,7 @@ def fetches_in_words(fetches: float) -> str:
 
 def step_table(found: "ScenePlan") -> Table | None:
     """What a smaller and a larger representation of each material would err; None where no material has either."""
-    from homofact.planning.neighbours import larger, smaller
+    from homofact.planning.neighbours import best_larger, larger, smaller
 
     table = plain_table("One step smaller or larger")
     add_names(table, longest=max(len(name_of(each)) for each in found.materials))
@@ -68,12 +69,23 @@ def step_table(found: "ScenePlan") -> Table | None:
         for step, one in (("smaller", smaller(each)), ("larger", larger(each))):
             if one is None:
                 if step == "larger" and each.outcome is not None and each.outcome.error > 0:
-                    table.add_row(name, step, "none found that errs less", "–", "–")
+                    table.add_row(name, step, *_no_better(best_larger(each)))
                 continue
-            error = f"{one.error:.0%}" if one.measured else f"about {one.error:.0%}"
-            table.add_row(name, step, one.candidate.words, str(one.bytes), error)
+            table.add_row(name, step, one.candidate.words, str(one.bytes), _used(one))
             name = Text("")
     return table if table.row_count else None
+
+
+def _used(one: "Neighbour") -> str:
+    return f"{one.error:.0%}" if one.measured else f"about {one.error:.0%}"
+
+
+def _no_better(best: "Neighbour | None") -> tuple[str, str, str]:
+    """Representation, bytes and error of a larger step that gains nothing: the best of what was tried or expected."""
+    if best is None:
+        return "no larger candidate", "–", "–"
+    why = "none tried errs less; best" if best.measured else "not tried, expected to err no less; best"
+    return f"{why}: {best.candidate.words}", str(best.bytes), _used(best)
 
 
 def evidence_table(found: "ScenePlan") -> Table:

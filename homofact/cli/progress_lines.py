@@ -17,8 +17,9 @@ class ProgressLines:
     def __init__(self, say: Callable[[str], object]) -> None:
         """Lines go to `say`."""
         self._say = say
-        self._step = ProgressStep("starting")
+        self._step = ProgressStep("loading libraries")
         self._first, self._begun = 0.0, time.monotonic()
+        self._taken = self._begun
         self._ended = threading.Event()
 
     @contextmanager
@@ -40,7 +41,7 @@ class ProgressLines:
             return
         if step.total != self._step.total or step.done < self._step.done or step.total is None:
             self._first, self._begun = step.done, time.monotonic()
-        self._step = step
+        self._step, self._taken = step, time.monotonic()
 
     def _speak(self) -> None:
         tick = FIRST / 2
@@ -59,7 +60,11 @@ class ProgressLines:
         if step.figures:
             parts.append(step.figures)
         gone = step.done - self._first
-        if step.total is not None and gone > 0:
+        if step.left is not None:
+            # Beyond what was expected nothing is known.
+            left = step.left - (time.monotonic() - self._taken)
+            parts.append(f"about {duration(left)} left" if left > 0 else "longer than expected")
+        elif step.total is not None and gone > 0:
             parts.append(f"about {duration(passed * (step.total - step.done) / gone)} left")
         elif passed >= EVERY:
             parts.append(f"for {duration(passed)}")

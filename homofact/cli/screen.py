@@ -22,7 +22,7 @@ from rich.text import Text
 from homofact.api.progress import Progress, ProgressStep, ProgressSteps
 from homofact.cli.flags import with_options
 from homofact.cli.interrupts import told
-from homofact.cli.progress_lines import ProgressLines
+from homofact.cli.progress_lines import ProgressLines, duration
 from homofact.errors import Report, Status
 from homofact.files.plain import plain
 from homofact.files.words import harmless
@@ -120,9 +120,9 @@ class Screen:
             def show(step: ProgressStep) -> None:
                 self._say(step)
                 if not step.note:
-                    bar.update(
-                        task, description=step.stage, figures=step.figures, total=step.total, completed=step.done
-                    )
+                    left = "" if step.left is None else f"about {duration(step.left)} left"
+                    figures = ", ".join(filter(None, (step.figures, left)))
+                    bar.update(task, description=step.stage, figures=figures, total=step.total, completed=step.done)
 
             yield show
 

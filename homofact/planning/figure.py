@@ -1,9 +1,10 @@
 """The picture of a plan: error against bytes of the evaluated fits, and the used part of the tolerance per choice.
 
 The left panel compares all materials: one colour per material and one marker per method, filled for floats and hollow
-for 8 bits, with a name beside each point. A thin line joins the points of each material, and a ring marks its choices.
-The panel is left out if no material has more than one point. The right panel has a bar for each choice, limit and
-lighting: the part of the limit that is used, with the margin for other views in a lighter colour.
+for 8 bits, with a name beside each point. A thin line joins the points of each material that no smaller one undercuts:
+the least error so far for so many bytes. A ring marks its choices. The panel is left out if no material has more than
+one point. The right panel has a bar for each choice, limit and lighting: the part of the limit that is used, with the
+margin for other views in a lighter colour. Material and choice are named beside the bars, outside the axes.
 """
 
 import math
@@ -33,7 +34,7 @@ _LIMIT = "#b03030"
 _LEAST = 1e-3
 # Errors whose logarithms differ by less lie on one spot of the panel.
 _SAME = 0.05
-_MOST_LETTERS, _MOST_NAMES, _FEWEST_ROWS = 26, 30, 3
+_MOST_LETTERS, _MOST_NAMES, _FEWEST_ROWS = 32, 30, 3
 
 
 def plot_plan(path: str | os.PathLike[str], plan: ScenePlan) -> None:
@@ -43,7 +44,7 @@ def plot_plan(path: str | os.PathLike[str], plan: ScenePlan) -> None:
     """
     distinct = plan.distinct
     bars = [_bars(material) for material in distinct]
-    rows = sum(map(len, bars)) + len(bars)
+    rows = sum(map(len, bars)) + 2 * len(bars)
     compared = any(len(_spots(material)) > 1 for material in distinct)
     with matplotlib.rc_context({"font.size": 9}):
         height = max(4.6 if compared else 2.0, 1.4 + 0.27 * rows)
@@ -55,7 +56,7 @@ def plot_plan(path: str | os.PathLike[str], plan: ScenePlan) -> None:
         _used(right, distinct, bars)
         where = ", ".join(lighting.name for lighting in plan.scene.lightings)
         head = f"{plan.scene.name}: {plan.scene.tolerance.describe()}, under {where}."
-        foot = f"{plan.bytes} bytes, {plan.planning_fits} of {plan.exhaustive_fits} fits"
+        foot = f"{plan.bytes} bytes; {plan.fits} of {plan.exhaustive_fits} possible fits made"
         figure.suptitle(in_figure(f"{head} {foot}" if compared else f"{head}\n{foot}"), fontsize=10)
         if left is not None:
             # Labels are put where they fit, which is known once the layout is.
@@ -96,11 +97,20 @@ def _spots(plan: MaterialPlan) -> list[_Spot]:
     return spots
 
 
+def _undercut(spots: Iterable[_Spot]) -> list[tuple[float, float]]:
+    """The places by rising bytes at which the error falls: none has a smaller one of no more bytes."""
+    kept: list[tuple[float, float]] = []
+    for place in sorted(spot.place for spot in spots):
+        if not kept or place[1] < kept[-1][1]:
+            kept.append(place)
+    return kept
+
+
 def _asked(axes: Axes, distinct: tuple[MaterialPlan, ...]) -> None:
     errors, sizes, drawn = [1.0], [], dict[tuple[str, bool], None]()
     for k, plan in enumerate(distinct):
         spots, colour = _spots(plan), _COLOURS[k % len(_COLOURS)]
-        axes.plot(*zip(*sorted(spot.place for spot in spots), strict=True), color=colour, lw=0.6, alpha=0.5, zorder=1)
+        axes.plot(*zip(*_undercut(spots), strict=True), color=colour, lw=0.6, alpha=0.5, zorder=1)
         for spot in spots:
             hollow = spot.shown.storage == WHOLE
             face = "white" if hollow else colour
@@ -112,14 +122,14 @@ def _asked(axes: Axes, distinct: tuple[MaterialPlan, ...]) -> None:
             errors.append(spot.place[1])
             sizes.append(spot.place[0])
     axes.axhline(1, color=_LIMIT, lw=1.2, ls="--", zorder=0)
-    log_x(axes, min(sizes) / 1.8, max(sizes) * 2.2)
+    log_x(axes, min(sizes) / 2.6, max(sizes) * 2.2)
     # The key stands above the highest point.
-    log_y(axes, min(errors) / 1.8, max(errors) * (max(errors) / min(errors)) ** 0.25 * 1.8, fewest=3)
+    log_y(axes, min(errors) / 1.8, max(errors) * (max(errors) / min(errors)) ** 0.3 * 1.8, fewest=3)
     axes.set_xlabel("bytes of one material")
     axes.set_ylabel("error over tolerance, margin included")
     axes.set_title("Candidates that were tried", fontsize=9.5)
     axes.spines[["top", "right"]].set_visible(False)
-    axes.legend(handles=_key(drawn), loc="upper right", fontsize=8, framealpha=0.9, ncols=2)
+    axes.legend(handles=_key(drawn), loc="upper right", fontsize=8, framealpha=0.9, ncols=3)
 
 
 def _key(drawn: Iterable[tuple[str, bool]]) -> list[Line2D]:
@@ -144,7 +154,7 @@ def _name_points(figure: Figure, axes: Axes, distinct: tuple[MaterialPlan, ...])
     few = sum(len(_spots(plan)) for plan in distinct) <= _MOST_NAMES
     for k, plan in enumerate(distinct):
         spots = _spots(plan)
-        paths.append(sorted(spot.place for spot in spots))
+        paths.append(_undercut(spots))
         named += [
             PointLabel(
                 ", ".join(dict.fromkeys(map(_short, spot.candidates))),
@@ -170,7 +180,7 @@ def _bars(plan: MaterialPlan) -> list[tuple[str, float, float]]:
 
 
 def _used(axes: Axes, distinct: tuple[MaterialPlan, ...], bars: list[list[tuple[str, float, float]]]) -> None:
-    place, ticks, labels, most = 0.0, [], [], 1.0
+    place, ticks, labels, most = 0.0, list[float](), list[tuple[str, str]](), 1.0
     for k, (plan, own) in enumerate(zip(distinct, bars, strict=True)):
         colour = _COLOURS[k % len(_COLOURS)]
         outcome, choice = plan.outcome, plan.walk.choice
@@ -179,22 +189,27 @@ def _used(axes: Axes, distinct: tuple[MaterialPlan, ...], bars: list[list[tuple[
             words = f"{choice.words}, {outcome.bytes} bytes"
         share = "" if plan.material.pixels is None else f", {plan.material.pixels} pixels"
         name = plan.name if len(plan.name) <= _MOST_LETTERS else plan.name[: _MOST_LETTERS - 1] + "…"
-        behind = {"facecolor": "white", "edgecolor": "none", "alpha": 0.9, "pad": 1}
-        title = f"{name}{share}: {words}"
-        axes.text(0, place, in_figure(title), color=colour, va="center", fontsize=8.5, fontweight="bold", bbox=behind)
-        place += 1
+        # Beside the axes: inside they would run across the limit's line and, long as they are, beyond the panel.
+        for line, height in ((f"{name}{share}", 0.6), (words, 0.9)):
+            ticks.append(place)
+            labels.append((line, colour))
+            place += height
         for label, part, with_margin in own:
             shown = [value if math.isfinite(value) else 0.0 for value in (part, with_margin)]
             axes.barh(place, shown[1], color=colour, alpha=0.3, height=0.62)
             axes.barh(place, shown[0], color=colour, height=0.62)
             ticks.append(place)
-            labels.append(in_figure(label))
+            labels.append((label, ""))
             most = max(most, *shown)
             place += 1
+        place += 0.2
     axes.axvline(1, color=_LIMIT, lw=1.2, ls="--", zorder=0)
     axes.set_xlim(0, most * 1.06)
     axes.set_ylim(max(place, _FEWEST_ROWS) - 0.3, -0.7)
-    axes.set_yticks(ticks, labels, fontsize=8)
+    axes.set_yticks(ticks, [in_figure(words) for words, _ in labels], fontsize=8)
+    for tick, (_, colour) in zip(axes.get_yticklabels(), labels, strict=True):
+        if colour:
+            tick.set(color=colour, fontweight="bold")
     axes.tick_params(axis="y", length=0)
     axes.set_xlabel("part of the limit that the choice uses\n(lighter: with the margin for other views)")
     axes.set_title("How much of its limits each choice uses", fontsize=9.5)

@@ -82,6 +82,34 @@ def larger(plan: MaterialPlan) -> Neighbour | None:
     return min(above, key=lambda one: (one.bytes, one.error), default=None)
 
 
+def best_larger(plan: MaterialPlan) -> Neighbour | None:
+    """Return the best representation of more bytes, though it errs no less: what the next bytes would buy.
+
+    It is a measured one where there is one; else the one that is expected to err least. None where no larger one is
+    among the candidates.
+    """
+    chosen = plan.outcome
+    if chosen is None:
+        return None
+    asked, channels = plan.walk.asked, len(plan.fits.source.samples.channels)
+    tried = [
+        Neighbour(rung, answer.bytes, answer.error, True)
+        for rung, answer in asked.items()
+        if answer.bytes > chosen.bytes and math.isfinite(answer.error)
+    ]
+    if not tried:
+        pool = [
+            rung
+            for rung in rungs_for(plan.fits, plan.tolerance)
+            if rung not in asked and rung.most_bytes(channels) > chosen.bytes
+        ]
+        tried = [
+            Neighbour(rung, rung.most_bytes(channels), error, False)
+            for rung, error in zip(pool, expected_errors(pool, asked) if pool else [], strict=True)
+        ]
+    return min(tried, key=lambda one: (one.error, one.bytes), default=None)
+
+
 def measure_larger(plan: MaterialPlan) -> None:
     """Fit and measure the larger step where it is only expected; the next one where it does not err less.
 
@@ -99,7 +127,7 @@ def measure_larger(plan: MaterialPlan) -> None:
     plan.walk.stepped = True
 
 
-def with_larger_measured(found: ScenePlan, stage: Callable[[str], None] = lambda _: None) -> ScenePlan:
+def with_larger_measured(found: ScenePlan, tell: Callable[[str], None] = lambda _: None) -> ScenePlan:
     """Return the plan with the larger step of each material measured, and its fits counted."""
     fits = {id(each.fits): each.fits for each in found.distinct}.values()
 
@@ -108,6 +136,6 @@ def with_larger_measured(found: ScenePlan, stage: Callable[[str], None] = lambda
 
     before = count()
     for each in found.distinct:
-        stage(f"fitting one step larger for {each.name}")
+        tell(f"fitting one step larger for {each.name}")
         measure_larger(each)
     return replace(found, fits=found.fits + count() - before)

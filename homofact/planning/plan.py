@@ -16,6 +16,7 @@ from homofact.errors import BadInput, HomofactError
 from homofact.evaluation.opinion import Opinion, opinion_table
 from homofact.evaluation.verdict.verdict import Verdict
 from homofact.planning.allocate import Buyer, allocate
+from homofact.planning.clock import PlanClock
 from homofact.planning.ladder import CONSTANT, LAMBERT, Candidate, FitOptions, fits_among
 from homofact.planning.material_fits import MaterialFits
 from homofact.planning.measure import RepresentationEvaluator, best_colour
@@ -44,8 +45,8 @@ class MaterialPlan:
 
     @property
     def name(self) -> str:
-        """The source's."""
-        return self.fits.source.name
+        """The material's own, else the source's."""
+        return self.material.name or self.fits.source.name
 
     @property
     def outcome(self) -> LadderOutcome | None:
@@ -199,9 +200,14 @@ def outcome_of(
 
 
 def plan_material(
-    material: SceneMaterial, fits: MaterialFits, stages: tuple[Stage, ...], tolerance: Tolerance, budget: Budget
+    material: SceneMaterial,
+    fits: MaterialFits,
+    stages: tuple[Stage, ...],
+    tolerance: Tolerance,
+    budget: Budget,
+    before: Callable[[Candidate, int | None], object] = lambda candidate, most: None,
 ) -> MaterialPlan:
-    """Walk the ladder for one material.
+    """Walk the ladder for one material; `before` as `planning.search.walk` has it.
 
     Raises BadInput for a limit on what people would grade where the source is known only at its samples.
     """
@@ -223,6 +229,7 @@ def plan_material(
         most_bytes=math.inf if budget.bytes is None else budget.bytes,
         most_fetches=math.inf if budget.fetches is None else budget.fetches,
         light_reads={CONSTANT: max(stage.lighting.reads for stage in stages), LAMBERT: 9},
+        before=before,
     )
     return MaterialPlan(material, fits, judges, tolerance, walked)
 
@@ -236,33 +243,39 @@ def plan_scene(
     scene: Scene,
     options: FitOptions | None = None,
     fits_by_source: dict[str, MaterialFits] | None = None,
-    stage: Callable[[str], None] = lambda _: None,
+    clock: PlanClock | None = None,
 ) -> ScenePlan:
-    """Plan a scene; `fits_by_source` carries fits over from another plan, `stage` hears which material is at work.
+    """Plan a scene; `fits_by_source` carries fits over from another plan, `clock` hears which fit is at work.
 
     Raises BadInput as `plan_material`, for sources that cannot be read, and for materials that reflect nothing of the
     lighting.
     """
     used = replace(FitOptions() if options is None else options, seed=scene.seed)
     known = {} if fits_by_source is None else fits_by_source
+    clock = PlanClock(lambda words, spent, left: None) if clock is None else clock
+    distinct_keys = {material.key for material in scene.materials}
+    clock.expect(len(distinct_keys), len(distinct_keys))
+    clock.stage("preparing the lighting")
     stages = tuple(Stage.of(lighting, scene.seed) for lighting in scene.lightings)
     under = f"under {' and '.join(lighting.name for lighting in scene.lightings)}"
     plans: dict[tuple[str, int | None], MaterialPlan] = {}
     for material in scene.materials:
         fits = known.setdefault(material.source, MaterialFits(material.source, used))
-        stage(f"planning {fits.source.name} {under}")
-        if material.key not in plans:
-            plans[material.key] = plan_material(material, fits, stages, scene.tolerance, scene.budget)
+        if material.key in plans:
+            continue
+        clock.stage(f"reading {material.name or material.source}")
+        clock.material(fits, f"planning {material.name or fits.source.name} {under}")
+        plans[material.key] = plan_material(material, fits, stages, scene.tolerance, scene.budget, clock.asking)
     distinct = tuple(plans.values())
     limit = scene.budget.bytes
     over = limit is not None and sum(plan.outcome.bytes for plan in distinct if plan.outcome is not None) > limit
     if over and limit is not None:
-        stage("distributing the bytes")
+        clock.stage("distributing the bytes")
         distinct = share_out(distinct, scene, limit)
     planning = sum(plan.walk.fits for plan in distinct)
     by_key = {plan.material.key: plan for plan in distinct}
     shown = tuple(replace(by_key[material.key], material=material) for material in scene.materials)
-    stage("looking for one size for all")
+    clock.stage("looking for one size for all")
     one = one_size(distinct, shown)
     different = {id(plan.fits): plan.fits for plan in distinct}.values()
     count = sum(len(fits.made) + len(fits.refused) for fits in different)

@@ -5,7 +5,7 @@ from dataclasses import asdict
 from typing import Any
 
 from homofact.planning.ladder import Candidate
-from homofact.planning.neighbours import larger, smaller
+from homofact.planning.neighbours import best_larger, larger, smaller
 from homofact.planning.plan import MaterialPlan, ScenePlan
 from homofact.planning.search import LadderOutcome
 from homofact.planning.theory import colour_error, terms_needed
@@ -66,6 +66,7 @@ def material_record(plan: MaterialPlan) -> dict[str, Any]:
         "missed_by": finite(plan.missed_by),
         "smaller": None if (one := smaller(plan)) is None else one.record(),
         "larger": None if (one := larger(plan)) is None else one.record(),
+        "best_larger": None if (one := best_larger(plan)) is None else one.record(),
         "measured": {
             judge.lighting.name: {kind: finite(value) for kind, value in asdict(errors).items()}
             for judge, errors in zip(plan.judges, plan.errors, strict=False)

@@ -84,11 +84,14 @@ def walk(
     most_bytes: float = math.inf,
     most_fetches: float = math.inf,
     light_reads: Mapping[str, int] | None = None,
+    before: Callable[[Candidate, int | None], object] = lambda candidate, most: None,
 ) -> Walk:
     """Return the cheapest rung that meets the tolerance within the budget, by asking as few as may be.
 
     Cheapest is fewest bytes, then fewest fetches, then fewest reads of the light (`light_reads` by method). Where
     none does, `choice` is the one of the least error that is within the budget (None if none is) and `met` is False.
+    `before` is called before each question, with how many more fits it may take, that one among them, where none is
+    likely to meet the tolerance; else with None.
     """
     reads = light_reads or {}
     state = Walk(tolerance)
@@ -128,17 +131,19 @@ def walk(
         ]
         if not pool:
             break
-        chances = _chances(pool, state, tolerance)
+        chances, most = _chances(pool, state, tolerance), None
         if 1 - math.prod(1 - chance for chance in chances) >= DOUBT:
             question = _next(pool, chances, channels)
         elif best is None:
             part = NEAR_PART if near else BEST_PART
             if state.fits >= part * fits_among(candidates):
                 break
+            most = math.ceil(part * fits_among(candidates)) - state.fits
             better = _chances(pool, state, least)
             question = pool[max(range(len(pool)), key=better.__getitem__)]
         else:
             break
+        before(question, most)
         state.asked[question] = ask(question)
     usable = [rung for rung in state.asked if fits_budget(rung)]
     state.met = best is not None

@@ -18,7 +18,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from homofact.errors import BadInput
-from homofact.evaluation.opinion import opinion_table
 
 KINDS = ("cole", "delta_e", "delta_e_p95", "delta_e_peak", "reflected", "delta_e_study")
 # Of the fit alone, whatever the scene's lighting.
@@ -82,6 +81,9 @@ class Tolerance:
         """Return the tolerance of a name of `NAMED`. Raises BadInput for another name."""
         if name not in NAMED:
             raise BadInput(where="tolerance", found=repr(name), expected=f"one of {', '.join(NAMED)}")
+        # It loads torch, and the commands read this module before they show any progress.
+        from homofact.evaluation.opinion import opinion_table
+
         return cls.of(delta_e_study=float(f"{opinion_table().law.unseen:.3g}"))
 
     @classmethod

@@ -1,5 +1,7 @@
 """Lines that say where a command is: the first after some seconds, then now and then, none of a short command."""
 
+import subprocess
+import sys
 import time
 from types import SimpleNamespace
 
@@ -36,7 +38,7 @@ def test_a_long_command_says_where_it_is_and_how_long_it_takes() -> None:
         until(lines, len(lines) + 2)
         show(ProgressStep("writing"))
         until(lines, len(lines) + 2)
-    assert lines[0].startswith("starting")
+    assert lines[0].startswith("loading libraries")
     assert any(line.startswith("tracing, 9 rays, about ") and line.endswith(" s left") for line in lines)
     assert lines[-1].startswith("writing")
     assert not any("note" in line for line in lines)
@@ -66,6 +68,48 @@ def test_the_time_left_is_of_this_stage_and_of_what_it_has_done(monkeypatch: pyt
         assert said(340, ProgressStep("reading")).startswith("reading")
 
 
+def test_a_time_that_is_expected_is_told_and_runs_down(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [0.0]
+    monkeypatch.setattr(progress_lines, "time", SimpleNamespace(monotonic=lambda: now[0]))
+    lines: list[str] = []
+
+    def said(seconds: float) -> str:
+        now[0] = seconds
+        until(lines, len(lines) + 2)
+        return lines[-1]
+
+    with ProgressLines(lines.append).running() as show:
+        show(ProgressStep("planning", 0, 40, left=40.0))
+        assert said(0) == "planning, about 40 s left"
+        assert said(30) == "planning, about 10 s left"
+        # Nothing is promised that did not hold.
+        assert said(60) == "planning, longer than expected"
+
+
+def test_no_slow_library_is_loaded_before_progress_is_shown() -> None:
+    """Torch takes seconds: a command that loads it first says nothing in that time."""
+    commands = [
+        ["plan", "s.toml"], ["relight", "s.toml", "--out", "o"], ["edit", "s.toml", "--out", "o"],
+        ["measure", "--out", "o"], ["compare", "material:phong-30"], ["factorize", "material:phong-30", "--out", "o"],
+        ["sweep", "s.toml", "--out", "o"], ["export", "fit", "--to", "o"], ["info", "s.brdf"], ["view", "fit"],
+        ["render", "fit", "--out", "o.png"],
+    ]  # fmt: skip
+    script = (
+        "import sys\n"
+        "from homofact.cli.screen import Screen\n"
+        "from homofact.cli.main import main\n"
+        "def shown(self):\n"
+        "    print('shown', 'torch' in sys.modules)\n"
+        "    raise KeyboardInterrupt\n"
+        "Screen.progress = shown\n"
+        f"for line in {commands!r}:\n"
+        "    print(*line)\n"
+        "    main(line)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines() == [word for line in commands for word in (" ".join(line), "shown False")]
+
+
 def test_each_stage_that_lasts_is_named_once_and_a_passing_one_is_not(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(progress_lines, "EVERY", 60.0)
     lines: list[str] = []
@@ -80,7 +124,7 @@ def test_each_stage_that_lasts_is_named_once_and_a_passing_one_is_not(monkeypatc
             time.sleep(0.15)
         show(ProgressStep("writing"))
         until(lines, 3)
-    assert lines == ["starting", "fitting the table", "writing"]
+    assert lines == ["loading libraries", "fitting the table", "writing"]
 
 
 def test_a_short_command_and_one_that_answers_in_json_say_nothing(

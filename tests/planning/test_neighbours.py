@@ -3,8 +3,17 @@
 import pytest
 from plan_cases import PAINT, fits_of
 
+from homofact.cli.plan_tables import step_table
 from homofact.planning.ladder import LAMBERT, Candidate, ladder
-from homofact.planning.neighbours import CLEARLY, TRIES, larger, measure_larger, smaller, with_larger_measured
+from homofact.planning.neighbours import (
+    CLEARLY,
+    TRIES,
+    best_larger,
+    larger,
+    measure_larger,
+    smaller,
+    with_larger_measured,
+)
 from homofact.planning.plan import MaterialPlan, ScenePlan
 from homofact.planning.scene import SceneMaterial
 from homofact.planning.search import LadderOutcome, Walk, expected_errors
@@ -88,3 +97,39 @@ def test_a_step_up_that_is_only_expected_is_fitted(error: float, monkeypatch: py
     else:
         assert found is None or not found.measured
         assert len(set(asked)) == TRIES
+
+
+def test_what_more_bytes_buy_is_told_where_nothing_larger_errs_less() -> None:
+    dearer = Candidate("search", 1, 32, "png8")
+    plan = plan_of({SMALL: 1.5, CHOSEN: 0.7, LARGE: 0.8, dearer: 0.75, Candidate("svd", 1, 32): float("inf")})
+    best = best_larger(plan)
+    assert best is not None
+    assert (best.candidate, best.bytes, best.error, best.measured) == (dearer, 3072, 0.75, True)
+    # Of what was not tried, the best that is expected.
+    expected = best_larger(plan_of({SMALL: 1.5, CHOSEN: 0.7}))
+    assert expected is not None
+    assert not expected.measured
+    assert expected.bytes > CHOSEN.most_bytes(3)
+    last = max(ladder(), key=lambda rung: rung.most_bytes(3))
+    assert best_larger(plan_of({SMALL: 1.5, last: 0.7}, last)) is None
+    assert best_larger(plan_of({SMALL: 1.5}, None)) is None
+
+
+def test_the_table_of_steps_names_it_in_figures(monkeypatch: pytest.MonkeyPatch) -> None:
+    def lines(asked: dict[Candidate, float], choice: Candidate = CHOSEN) -> list[str]:
+        plan = plan_of(asked, choice)
+        plan.walk.stepped = True
+        monkeypatch.setattr("homofact.planning.neighbours.larger", lambda plan: None)
+        table = step_table(ScenePlan(None, (plan,), None, 2, 2, 60))  # pyright: ignore[reportArgumentType]
+        assert table is not None
+        return [str(cell) for column in table.columns for cell in list(column.cells)[-1:]][1:]
+
+    assert lines({SMALL: 1.5, CHOSEN: 0.7, LARGE: 0.8}) == [
+        "larger", "none tried errs less; best: 1 texture of 16², 8 bits (search)", "768", "80%",
+    ]  # fmt: skip
+    _, words, size, error = lines({SMALL: 1.5, CHOSEN: 0.7})
+    assert words.startswith("not tried, expected to err no less; best: ")
+    assert int(size) > CHOSEN.most_bytes(3)
+    assert error.startswith("about ")
+    last = max(ladder(), key=lambda rung: rung.most_bytes(3))
+    assert lines({SMALL: 1.5, last: 0.7}, last) == ["larger", "no larger candidate", "–", "–"]

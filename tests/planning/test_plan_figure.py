@@ -1,0 +1,87 @@
+"""The picture of a plan, drawn of made-up outcomes: no words in the axes of the bars, lines that only fall."""
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from plan_cases import PAINT, fits_of
+
+from homofact.planning import figure
+from homofact.planning.figure import _Spot, _undercut, plot_plan
+from homofact.planning.ladder import CONSTANT, Candidate
+from homofact.planning.plan import MaterialPlan, ScenePlan
+from homofact.planning.scene import SceneMaterial
+from homofact.planning.search import LadderOutcome, Walk
+from homofact.planning.tolerance import Errors, Tolerance
+
+LONG = "A name of a material that is long"
+ERRORS = {
+    Candidate(CONSTANT): 90.0, Candidate("search", 1, 4, "png8"): 30.0, Candidate("search", 1, 8, "png8"): 60.0,
+    Candidate("search", 2, 8, "png8"): 20.0, Candidate("svd", 5, 32): 25.0,
+}  # fmt: skip
+
+
+def plan_of() -> ScenePlan:
+    """A plan of one material that misses its limit twentyfold."""
+    asked = {
+        rung: LadderOutcome(error, rung.most_bytes(3), rung.most_fetches(True), rung.textures, "delta_e", error / 1.15)
+        for rung, error in ERRORS.items()
+    }
+    choice = Candidate("search", 2, 8, "png8")
+    light: Any = SimpleNamespace(lighting=SimpleNamespace(name="studio"))
+    walk = Walk(1.0, asked, choice, False)
+    material = MaterialPlan(
+        SceneMaterial("own", 1.0, name=LONG), fits_of(PAINT), (light,), Tolerance.of(delta_e=1.0), walk
+    )
+    material.__dict__["errors"] = (Errors(0.1, 17.0, 18.0, 30.0, 0.1, 0.1),)
+    scene: Any = SimpleNamespace(name="two", tolerance=material.tolerance, lightings=(light.lighting,))
+    return ScenePlan(scene, (material,), None, 4, 6, 30)
+
+
+@pytest.fixture
+def drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Figure:
+    made: list[Figure] = []
+
+    class Kept(Figure):
+        def __init__(self, *arguments: Any, **more: Any) -> None:
+            super().__init__(*arguments, **more)
+            made.append(self)
+
+    monkeypatch.setattr(figure, "Figure", Kept)
+    plot_plan(tmp_path / "p.png", plan_of())
+    return made[0]
+
+
+def test_material_and_choice_stand_outside_the_axes_of_the_bars(drawn: Figure) -> None:
+    bars = drawn.axes[1]
+    assert [text.get_text() for text in bars.texts] == []
+    labels = bars.get_yticklabels()
+    assert [label.get_text() for label in labels] == [
+        LONG[:31] + "…", "2 textures of 8², 8 bits (search), 384 bytes", "mean ΔE, studio",
+    ]  # fmt: skip
+    assert all(label.get_window_extent().x1 <= bars.get_window_extent().x0 for label in labels)
+    assert all(label.get_window_extent().x0 >= 0 for label in labels)
+
+
+def test_the_title_counts_all_fits(drawn: Figure) -> None:
+    assert drawn.get_suptitle().endswith("384 bytes; 6 of 30 possible fits made")
+
+
+def test_lines_join_what_nothing_smaller_undercuts(drawn: Figure) -> None:
+    (line,) = [each for each in drawn.axes[0].lines if each.get_alpha() == 0.5]
+    assert np.asarray(line.get_xydata()).tolist() == [[12, 90], [48, 30], [384, 20]]
+    tied = [_Spot((), place, False) for place in ((1.0, 5.0), (1.0, 4.0), (2.0, 4.0), (3.0, 1.0))]
+    assert _undercut(tied) == [(1.0, 4.0), (3.0, 1.0)]
+
+
+def test_the_key_covers_no_point_and_no_name(drawn: Figure) -> None:
+    left = drawn.axes[0]
+    key = left.get_legend()
+    assert key is not None
+    box = key.get_window_extent()
+    points = [left.transData.transform((rung.most_bytes(3), error)) for rung, error in ERRORS.items()]
+    assert not any(box.contains(*point) for point in points)
+    assert not any(box.overlaps(text.get_window_extent()) for text in left.texts if text.get_text())
