@@ -12,11 +12,13 @@ from homofact.cli.tables import appearance_tables, cost_table, error_table
 from homofact.cli.verdicts import (
     BULLET,
     advice_lines,
+    cause_lines,
     figures_line,
     finding_lines,
     names_of,
     strictness,
     verdict_line,
+    where_lines,
 )
 from homofact.errors import BadInput
 from homofact.evaluation.wording import counted, shapes
@@ -65,7 +67,10 @@ def factorize(
         # What was made and how good it is come first, the evidence after, and last what to do with it.
         screen.show(
             Text(_headline(found)),
-            hanging(verdict_line(verdict), len("  ")),
+            *(
+                hanging(line, len("  "))
+                for line in (verdict_line(verdict), *where_lines(verdict), *cause_lines(verdict))
+            ),
             f"{found.folder}: factorization.npz, manifest.json, report.json"
             + ", every texture as .exr and .png" * (not found.left_out),
             *([f"The picture: {found.picture}"] if found.picture else []),

@@ -137,6 +137,7 @@ def finding_lines(verdicts: "Mapping[str, Verdict | None]") -> list[str]:
         if verdict is None:
             continue
         lines += brief_lines({label: verdict})
+        lines += [f"  - why it warns: {verdict.cause}"] if verdict.cause else []
         for each in verdict.findings:
             if each.costs and each.about is not About.FIT:
                 lines.append(f"  - {each.about.title.lower()}: {noted(each)}")

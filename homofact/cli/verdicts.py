@@ -17,13 +17,27 @@ LEAST_LEFT_OUT = 0.01  # of the pictures: from here on it is said
 
 
 def verdict_lines(verdict: "Verdict") -> list[str]:
-    """Return the error bars in a sentence with a warning, the findings, their figures, and what to try."""
-    return [verdict_line(verdict), *finding_lines(verdict), figures_line(verdict), *advice_lines(verdict)]
+    """Return the error bars in sentences with a warning and its cause, the findings and their figures, what to try."""
+    return [
+        verdict_line(verdict), *where_lines(verdict), *cause_lines(verdict), *finding_lines(verdict),
+        figures_line(verdict), *advice_lines(verdict),
+    ]  # fmt: skip
 
 
 def verdict_line(verdict: "Verdict") -> str:
     """Return the error bars in a sentence, with a warning if there is one."""
     return f"Verdict: {verdict.summary}"
+
+
+def where_lines(verdict: "Verdict") -> list[str]:
+    """Return at which angles the fit is good and at which bad, in a line; no line if it has no bars by angle."""
+    words = verdict.bars.by_angle_sentence()
+    return [f"Where: {words}"] if words else []
+
+
+def cause_lines(verdict: "Verdict") -> list[str]:
+    """Return why the verdict warns, in a line; no line without a warning."""
+    return [f"Why it warns: {verdict.cause}"] if verdict.cause else []
 
 
 def finding_lines(verdict: "Verdict") -> list[str]:

@@ -12,7 +12,6 @@ from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.materials import material
 from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
-from homofact.errors import Advice
 from homofact.evaluation.bar.error_bar import BarKind
 from homofact.evaluation.verdict import flux, noting
 from homofact.evaluation.verdict.finding import About
@@ -168,7 +167,7 @@ def test_zeros_of_a_colour_outside_srgb_are_named_as_such() -> None:
     one = verdict(train=cut)
     assert one.figures.data.gamut == pytest.approx(0.5, abs=0.01)
     (gamut,) = (each for each in one.findings if each.name in ("gamut", "zeros"))
-    assert (gamut.name, gamut.advice, gamut.about) == ("gamut", Advice("channels", "spectral"), About.DATA)
+    assert (gamut.name, gamut.advice, gamut.about) == ("gamut", None, About.DATA)
 
 
 def test_a_highlight_that_still_rises_where_samples_end_is_not_known() -> None:

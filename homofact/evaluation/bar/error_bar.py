@@ -22,6 +22,7 @@ WORDS = {
     "lamp": "under a lamp",
 }
 _EDGE = 75.0  # θ in degrees up to which albedos are stated
+GOOD = 0.15  # an albedo that is off by more makes a fit a bad one
 
 
 class BarKind(Enum):
@@ -181,6 +182,30 @@ class ErrorBars:
             given = f"{stated[0].reason}, so these limits are wider"
         return f"{given}: {said}; true for {_often(stated[0].rate)} such fits{beyond}"
 
+    def by_angle_sentence(self) -> str:
+        """Return at which angles of incidence the fit is good and at which bad, in a sentence.
+
+        "" where fewer than two angles have a bar.
+
+        Examples
+        --------
+        >>> errors = {0: 0.03, 45: 0.1, 75: 0.4}
+        >>> bars = [ErrorBar("albedo", BarKind.MEASURED, e, 1.0, (at, at)) for at, e in errors.items()]
+        >>> ErrorBars((), tuple(bars)).by_angle_sentence()
+        'by angle of incidence, total reflected light is good at 0–45° (within 10%) and bad at 75° (within 40%)'
+        """
+        if len(self.by_angle) < 2:
+            return ""
+        runs: list[list[ErrorBar]] = []
+        for bar in self.by_angle:
+            if runs and _grade(runs[-1][0]) == _grade(bar):
+                runs[-1].append(bar)
+            else:
+                runs.append([bar])
+        parts = [f"{_grade(run[0])} at {_range(run)}{_within(run)}" for run in runs]
+        joined = " and ".join(filter(None, (", ".join(parts[:-1]), parts[-1])))
+        return f"by angle of incidence, total reflected light is {joined}"
+
     def record(self) -> dict[str, Any]:
         """Return a JSON-able dictionary."""
         return {"all": [bar.record() for bar in self.bars], "by_angle": [bar.record() for bar in self.by_angle]}
@@ -193,6 +218,20 @@ class ErrorBars:
         except (KeyError, TypeError, ValueError):
             return None
         return cls(bars, by_angle) if bars else None
+
+
+def _grade(bar: ErrorBar) -> str:
+    return "unknown" if bar.error is None else "good" if bar.error <= GOOD else "bad"
+
+
+def _range(run: list[ErrorBar]) -> str:
+    first, last = run[0].degrees[0], run[-1].degrees[1]
+    return f"{first:.0f}°" if first == last else f"{first:.0f}–{last:.0f}°"
+
+
+def _within(run: list[ErrorBar]) -> str:
+    errors = [bar.error for bar in run if bar.error is not None]
+    return f" (within {percent(max(errors))})" if errors else ""
 
 
 def percent(error: float) -> str:

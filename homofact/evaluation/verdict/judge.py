@@ -15,6 +15,8 @@ from homofact.brdf.samples import Samples
 from homofact.errors import Report
 from homofact.evaluation.appearance import Appearance
 from homofact.evaluation.artefacts.look import Look
+from homofact.evaluation.bar.causes import causes_in_words
+from homofact.evaluation.bar.error_bar import GOOD, percent
 from homofact.evaluation.bar.features import features_of
 from homofact.evaluation.bar.stating import measured_bars, stated_bars, withdrawn_bars
 from homofact.evaluation.bar.table import QUANTITIES, Table, table
@@ -28,7 +30,7 @@ from homofact.factor.fitted import Fitted
 from homofact.methods.method import Method
 
 # What makes a fit a bad one: its albedo at some angle, its picture under a sky, or that under a small lamp.
-OFF, OFF_SKY, OFF_LAMP = 0.15, 0.10, 0.25
+OFF, OFF_SKY, OFF_LAMP = GOOD, 0.10, 0.25
 _ANISOTROPIC = "no fit of an anisotropic measurement was among those that error bars were counted on"
 
 
@@ -56,7 +58,8 @@ def judge(
     if seen is not None:
         return Verdict(report.status, measured_bars(seen), measured_alarm(seen), figures, ordered(findings), look)
     constants = table()
-    alarm = Alarm(constants.score(features_of(figures, odds, "albedo")), constants.threshold)
+    features = features_of(figures, odds, "albedo")
+    alarm = Alarm(constants.score(features), constants.threshold, causes_in_words(constants.warning, features))
     doubt = doubt_of(odds, alarm)
     bars = stated_bars(figures, odds, constants, doubt) if train.isotropic else withdrawn_bars(figures, _ANISOTROPIC)
     costed = [_costed(each, figures, odds, constants, bool(doubt)) for each in findings]
@@ -68,7 +71,13 @@ def measured_alarm(seen: Appearance) -> Alarm:
     ratio = seen.energy.albedo_worst
     off = abs(math.log(ratio)) if ratio > 0 and math.isfinite(ratio) else math.inf
     sky, lamp = (0.0 if math.isnan(each) else each for each in (seen.off_sky, seen.off_light))
-    return Alarm(0.0 if is_good(off, sky, lamp) else 1.0, 0.5)
+    parts = (("total reflected light", math.expm1(off), OFF), ("a sky", sky, OFF_SKY), ("a lamp", lamp, OFF_LAMP))
+    why = [
+        f"{'' if name.startswith('total') else 'a sphere under '}{name} is off by {percent(error)}, over {most:.0%}"
+        for name, error, most in parts
+        if error > most
+    ]
+    return Alarm(0.0 if is_good(off, sky, lamp) else 1.0, 0.5, "; ".join(why))
 
 
 def is_good(off: float, sky: float, lamp: float) -> bool:

@@ -19,10 +19,12 @@ class Alarm:
     score : the probability that it is bad: its albedo off by over 15% at some angle in a channel, or less than 90% of
         the logarithms explained. 0 or 1 if it was measured against the source.
     threshold : the score from which on the verdict warns.
+    why : what raises the score most, in words; "" where nothing does.
     """
 
     score: float
     threshold: float
+    why: str = ""
 
     @property
     def given(self) -> bool:
@@ -69,6 +71,11 @@ class Verdict:
         return self.bars.sentence() + shown + warned
 
     @property
+    def cause(self) -> str:
+        """Return why the verdict warns, in words; "" without a warning."""
+        return self.alarm.why if self.alarm.given else ""
+
+    @property
     def _artefacts(self) -> list[str]:
         return [] if self.look is None else [each.kind.value for each in self.look.artefacts]
 
@@ -85,7 +92,7 @@ class Verdict:
             "status": self.status.value,
             "trusted": self.trusted,
             "summary": self.summary,
-            "alarm": {"score": self.alarm.score, "threshold": self.alarm.threshold},
+            "alarm": {"score": self.alarm.score, "threshold": self.alarm.threshold, "why": self.alarm.why},
             "bars": self.bars.record(),
             "recommended": None if self.recommended is None else self.recommended.record(),
             "findings": [finding.record() for finding in self.findings],

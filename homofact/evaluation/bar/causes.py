@@ -1,0 +1,76 @@
+"""Why the verdict warns: the figures that raise the probability of a bad fit most, beside those of a usual fit.
+
+The warning is a logistic of figures (`bar.table`), so that each figure's part of the log odds is known: its weight
+times how far it is from the mean of the calibration. Figures that measure one thing are summed.
+"""
+
+import math
+from collections.abc import Mapping
+
+from homofact.evaluation.bar.table import LinearModel
+
+# Log odds from which on a figure counts as a cause, and how many are named.
+_WORTH, _MOST = 0.5, 2
+# What each figure of a quantity measures, by the figure whose words stand for both.
+_SAME = {
+    "own_mended": "mended", "own_read": "apart", "own_chance": "scatter", "own_gap": "samples",
+    "own_unmeasured": "unmeasured",
+}  # fmt: skip
+
+WORDS = {
+    "mended": "the error that the nearest samples would correct",
+    "bias": "the error on which both halves of the samples agree",
+    "apart": "the difference between the fit and an interpolation of the samples",
+    "unexplained": "the variation of the samples that the fit does not explain",
+    "misplaced": "the misplaced light",
+    "gap": "the held-out error over the training error",
+    "off": "the error of the light in the worst band of angles",
+    "top": "the error of the highlight",
+    "step": "the jump of the albedo from angle to angle",
+    "energy": "the largest albedo",
+    "reciprocity": "the light that changes when light and viewer are swapped",
+    "data_reciprocity": "the change of the samples when light and viewer are swapped",
+    "scatter": "the disagreement of neighbouring samples",
+    "noise": "the scatter of the darkest samples",
+    "outliers": "the light of a few samples that stand out",
+    "zeros": "the share of samples that are zero",
+    "clipped": "the light of samples at the largest value",
+    "rounded": "the light that rounding misses",
+    "repeated": "the difference of repeated samples",
+    "ring": "the step of one ring of angles",
+    "unmeasured": "the fit's light at angles without measurements",
+    "unresolved": "the light of the highlight between samples",
+    "rising": "the rise of the highlight where the samples end",
+    "innermost": "the angle from the mirror direction to the nearest samples",
+    "contrast": "the brightness near the mirror direction",
+    "samples": "the number of samples",
+    "effective": "the number of samples that carry the light",
+    "highest": "the range of grazing angles without measurements",
+    "odds": "the odds that the data are faulty",
+}
+
+
+def causes(model: LinearModel, features: Mapping[str, float]) -> list[tuple[str, float, float]]:
+    """Return (feature, its part of the log odds, its figure over the usual one) of the main causes, largest first.
+
+    At least one is returned if any figure raises the odds.
+    """
+    parts: dict[str, float] = {}
+    times: dict[str, float] = {}
+    for name, (weight, mean, low, high) in model.columns.items():
+        part = weight * (min(max(features[name], low), high) - mean)
+        group = _SAME.get(name, name)
+        parts[group] = parts.get(group, 0.0) + part
+        # The ratio of the figure that has the largest part in it.
+        if name == group or group not in times:
+            times[group] = math.exp(features[name] - mean)
+    raised = sorted(((part, name) for name, part in parts.items() if part > 0), reverse=True)
+    kept = [each for each in raised[:_MOST] if each[0] >= _WORTH] or raised[:1]
+    return [(name, part, times[name]) for part, name in kept]
+
+
+def causes_in_words(model: LinearModel, features: Mapping[str, float]) -> str:
+    """Return the main causes in words: "the number of samples is 0.2 times the usual figure"."""
+    return "; ".join(
+        f"{WORDS[name]} is {times:.2g} times the usual figure" for name, _, times in causes(model, features)
+    )
