@@ -41,14 +41,15 @@ def latex_of(fits: Sequence[MeasuredFit], by_source: bool = False) -> str:
     rows = mean_rows(fits)
     metrics = list(rows[0].spreads)
     groups = _groups(fits) if by_source else []
-    powers = _powers([*rows, *(row for _, some in groups for row in some)])
+    every = [*rows, *(row for _, some in groups for row in some)]
+    powers = _powers(every)
     heads = [_headed(name, powers[name]) for name in metrics]
     sources = {fit.source for fit in fits}
     seeds = sorted({fit.seed for fit in fits})
     of = f"{counted(len(sources), 'source')} and {counted(len(seeds), 'seed')} ({', '.join(map(str, seeds))})"
     lines = [
         f"% homofact {__version__}: mean and standard deviation over the fits to {of}, on held-out samples.",
-        *(f"% {_comment(line)}" for line in (*sources_in_words(fits), *methods_in_words(fits), *_unspread(rows))),
+        *(f"% {_comment(line)}" for line in (*sources_in_words(fits), *methods_in_words(fits), *_unspread(every))),
         r"% \usepackage{booktabs}",
         rf"\begin{{tabular}}{{l{'r' * (len(metrics) + 2)}}}",
         r"\toprule",

@@ -234,7 +234,13 @@ def test_fits_that_are_not_reciprocal_are_marked() -> None:
 def test_a_deviation_of_nothing_is_explained() -> None:
     words = "% A deviation of 0: the seeds gave one and the same fit"
     assert words in latex_of(FITS)  # the mean absolute errors are all 0.5
-    assert words not in latex_of([replace(one, values={"log_mse": 0.1 * k}) for k, one in enumerate(FITS[:3])])
+    apart = [replace(one, values={"log_mse": 0.1 * k}) for k, one in enumerate(FITS[:3])]
+    assert words not in latex_of(apart)
+    # In the rows of one source alone it is explained too.
+    alike = [fit("paint", "search", seed, 4, 0.1) for seed in (0, 1)] + [fit("clay", "search", 0, 4, 0.3)]
+    alike = [replace(one, values={"log_mse": one.values["log_mse"]}) for one in alike]
+    assert words not in latex_of(alike)
+    assert words in latex_of(alike, by_source=True)
 
 
 def test_the_settings_that_decide_are_named() -> None:
