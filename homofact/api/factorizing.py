@@ -135,6 +135,7 @@ def factorize(
     check_folder(folder, force)
 
     from homofact.evaluation.compare import fit_and_measure
+    from homofact.evaluation.estimate import TimeEstimate, fit_seconds, training_count
     from homofact.exporting.images import LIBRARIES
     from homofact.exporting.result import write_result
 
@@ -143,10 +144,13 @@ def factorize(
         steps.stage("reading")
         subject, subset = open_given(source, seed), subset_of(source)
         steps.warm_up()
+        baseline = mccool_like(chosen)
+        fits = [chosen] if baseline == chosen else [chosen, baseline]
+        jobs = [(fit.name, fit_seconds(fit, training_count(subject, fit, held_out, subset))) for fit in fits]
+        steps.estimate(TimeEstimate(jobs))
         steps.stage(chosen.name)
         rows = {chosen.name: fit_and_measure(subject, chosen, held_out, steps, subset)}
         refusal.check(rows[chosen.name].verdict, chosen.name)
-        baseline = mccool_like(chosen)
         if baseline != chosen:
             steps.stage("McCool's projections")
             rows["McCool"] = fit_and_measure(subject, baseline, held_out, subset=subset)

@@ -3,14 +3,19 @@
 import subprocess
 import sys
 import time
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
+from homofact.api.factorizing import factorize
 from homofact.api.progress import ProgressStep
+from homofact.brdf.analytic.lambert import Lambert
+from homofact.brdf.sampling import sample_model
 from homofact.cli import progress_lines
 from homofact.cli.progress_lines import ProgressLines, duration
 from homofact.cli.screen import PROGRESS, Screen
+from homofact.methods.mccool import McCool
 
 
 @pytest.fixture(autouse=True)
@@ -157,3 +162,14 @@ def test_stderr_gets_the_lines(capfd: pytest.CaptureFixture[str]) -> None:
 )
 def test_durations(seconds: float, words: str) -> None:
     assert duration(seconds) == words
+
+
+def test_factorize_says_how_long_its_fits_take(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("homofact.api.progress.WORTH_SAYING", 0.0)
+    notes: list[str] = []
+    samples = sample_model(Lambert((0.6, 0.3, 0.1)), 300)
+    method = McCool(size=4, projections=("theta_h-theta_d",))
+    given = samples.wi, samples.wo, samples.values
+    factorize(given, tmp_path / "o", method, progress=lambda step: notes.append(step.note))
+    # McCool's own projections are fitted beside these.
+    assert "2 fits, under 10 s" in notes
