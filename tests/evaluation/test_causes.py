@@ -30,7 +30,7 @@ def test_causes_are_what_raises_the_odds_most() -> None:
 
 
 def test_figures_of_one_thing_are_summed() -> None:
-    own = model(unmeasured=(0.5, -4.0), own_unmeasured=(-0.5, -3.0), reciprocity=(0.3, -5.0))
+    own = model(own_unmeasured=(-0.5, -3.0), unmeasured=(0.5, -4.0), reciprocity=(0.3, -5.0))
     found = causes(own, {"unmeasured": -2.0, "own_unmeasured": -1.0, "reciprocity": -4.0})
     assert [name for name, _, _ in found] == ["reciprocity"]
 
