@@ -28,6 +28,7 @@ from homofact.rendering.chain_kernels import ChainKernels
 from homofact.rendering.cube import Cube, directions_of
 from homofact.rendering.light import EnvironmentMap
 from homofact.rendering.octahedral import Pyramid, fetch
+from homofact.rendering.sky_harmonics import SkyHarmonics, gains_of
 
 SIDE, LEAST_SIDE, MOST_SIDE = 256, 32, 1024
 LAST, TEXELS, IRRADIANCE = 8, 4, 32
@@ -124,17 +125,19 @@ def chain_of(light: EnvironmentMap, side: int = SIDE, kernels: ChainKernels | No
 class FilteredSky:
     """A sky filtered where it is read, by the `kernels` of a chain themselves: what a chain of many texels would hold.
 
-    It is read as a `SkyChain` is: `cube` and `lit` at directions (N, 3) of any length and levels (N,).
+    It is read as a `SkyChain` is: `cube` and `lit` at directions (N, 3) of any length and levels (N,). Kernels that few
+    harmonics describe average those (`rendering.sky_harmonics`), narrower ones read rings as the chain does.
     """
 
     pyramid: Pyramid
+    harmonics: SkyHarmonics
     kernels: ChainKernels
     factor: float = 1.0
 
     @classmethod
     def of(cls, light: EnvironmentMap, kernels: ChainKernels) -> "FilteredSky":
         """Return an environment's."""
-        return cls(Pyramid.of(light, torch.eye(3, dtype=torch.float64)), kernels)
+        return cls(Pyramid.of(light, torch.eye(3, dtype=torch.float64)), SkyHarmonics.of(light), kernels)
 
     @property
     def cube(self) -> "FilteredSky":
@@ -156,10 +159,16 @@ class FilteredSky:
             share = (1 - np.abs(place - k)).clip(0)
             asked = share > 0
             if asked.any():
-                rings = _rings(self.kernels, k, min(round(_RINGS * _FINER**k), _MOST_RINGS))
-                own = _filtered(np.ascontiguousarray(towards[asked]), *rings, *self.pyramid[:3])
-                light[asked] += share[asked, None] * own
+                light[asked] += share[asked, None] * self._averaged(k, np.ascontiguousarray(towards[asked]))
         return torch.from_numpy(light)
+
+    def _averaged(self, level: int, towards: np.ndarray) -> np.ndarray:
+        """Light (N, 3) of a level round unit directions (N, 3)."""
+        gains = gains_of(self.kernels, level)
+        if gains is not None:
+            return self.harmonics.averaged(gains, towards)
+        rings = _rings(self.kernels, level, min(round(_RINGS * _FINER**level), _MOST_RINGS))
+        return _filtered(towards, *rings, *self.pyramid[:3])
 
 
 class _Lit(NamedTuple):

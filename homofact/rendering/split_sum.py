@@ -13,9 +13,9 @@ depend on the angle (Karis 2013).
 
 Levels, tilts, spreads and shares minimise E of `rendering.lobe_levels`, the mean square error under natural skies. For
 given lobes the shares follow directly. Nelder and Mead's simplex searches the lobes at every θo, starting from those of
-the neighbouring angle: once downwards from the normal and once upwards from the horizon. The better of the two tables
-is kept. A small penalty on changes keeps lobes without a share from drifting. An anisotropic material has three lobes:
-one in the middle, and two equal ones on both sides of it.
+the neighbouring angle (`rendering.lobe_search`): once downwards from the normal and once upwards from the horizon. The
+better of the two tables is kept. A small penalty on changes keeps lobes without a share from drifting. An anisotropic
+material has three lobes: one in the middle, and two equal ones on both sides of it.
 
 The approximation loses four things: the shape of lobes that are not round, as at grazing angles; effects of the
 viewer's azimuth on an anisotropic material other than through g; detail narrower than the first level of the chain; and
@@ -29,7 +29,6 @@ from typing import NamedTuple
 
 import numpy as np
 import torch
-from scipy.optimize import minimize
 from torch import Tensor
 
 from homofact.brdf.reflectance import Reflectance
@@ -37,7 +36,8 @@ from homofact.brdf.symmetry import find_symmetry
 from homofact.geometry.directions import from_spherical
 from homofact.geometry.quadrature import hemisphere_nodes
 from homofact.rendering.chain_kernels import ChainKernels
-from homofact.rendering.lobe_levels import Potentials, energy, potentials, pull_of
+from homofact.rendering.lobe_levels import Potentials, potentials, pull_of
+from homofact.rendering.lobe_search import Bounds, Seen, lobes_of, reflected, simplex, value_of
 from homofact.rendering.surface import ToRgb, shader
 
 COLUMNS, LOBES = 64, 2
@@ -53,11 +53,9 @@ _STARTS = {
     3: ((0.1, 0.3, 0.6), (0.3, 0.5, 0.8), (0.1, 0.5, 0.9), (0.6, 0.8, 0.9)),
 }
 _SPREADS = (0.1, 0.3)
-_SMOOTH = 1e-3
 # Steps of the search at first and from a neighbour, of each number.
 _FIRST_STEPS, _STEPS = 62, 22
 _SIMPLEX = (0.15, 0.03, 0.03)  # first steps of level, tilt and spread
-_CLOSE = 1e-3
 _FAINT = 1e-4  # of the flux, which is left out
 
 
@@ -72,29 +70,6 @@ class Response(NamedTuple):
     shares: Tensor
     kernels: ChainKernels
     across: float | None = None
-
-
-class _Seen(NamedTuple):
-    """What viewers at θo see, as `energy` wants it, in the frame where each is at azimuth 0.
-
-    `grains` (T, 3) are g, `towards` (M, 3) ωi, `flux` (T, M, C) f cosθi dω; `whole` (2, C) the means of all azimuths of
-    its sum, the albedo, and of its pull on the last level.
-    """
-
-    theta: float
-    grains: np.ndarray
-    towards: np.ndarray
-    flux: np.ndarray
-    whole: np.ndarray
-
-    def axes(self, lobes: np.ndarray) -> np.ndarray:
-        """The lobes' directions (T, K, 3) from levels, tilts and spreads (K, 3)."""
-        viewer = np.array([math.sin(self.theta), 0.0, math.cos(self.theta)])
-        up = np.array([0.0, 0.0, 1.0])
-        half = up + lobes[None, :, 2, None] * self.grains[:, None]
-        along = half @ viewer
-        axes = 2 * along[..., None] * half - (half**2).sum(2, keepdims=True) * viewer + lobes[:, 1, None] * up
-        return axes / np.linalg.norm(axes, axis=2, keepdims=True)
 
 
 def response_of(
@@ -129,7 +104,7 @@ def widest_azimuth(shade) -> float:
     return math.atan2(float((2 * x * y * flux).sum()), float(((x * x - y * y) * flux).sum())) / 2 % math.pi
 
 
-def _seen(shade, theta: float, across: float | None, known: Potentials) -> _Seen:
+def _seen(shade, theta: float, across: float | None, known: Potentials) -> Seen:
     """What viewers at θo see; of what is isotropic one viewer."""
     turns = 1 if across is None else _AZIMUTHS
     turn = torch.arange(turns, dtype=torch.float64) * (math.pi / turns)
@@ -157,7 +132,7 @@ def _seen(shade, theta: float, across: float | None, known: Potentials) -> _Seen
     towards, flux = (each.contiguous().numpy() for each in (towards[bright], flux[:, bright]))
     up = np.array([0.0, 0.0, 1.0])
     matte = pull_of(up, len(known.potential) - 1.0, towards, np.ascontiguousarray(flux.mean(0)), known.potential)
-    return _Seen(theta, grains, towards, flux, np.stack((albedo, matte)))
+    return Seen(theta, grains, towards, flux, np.stack((albedo, matte)))
 
 
 @dataclass(frozen=True)
@@ -170,13 +145,6 @@ class _Layout:
     count: int
     paired: bool
     signed: bool
-
-    def lobes(self, x: np.ndarray) -> np.ndarray:
-        """Levels, tilts and spreads (K, 3)."""
-        if not self.paired:
-            return np.concatenate((x.reshape(-1, 2), np.zeros((self.count, 1))), 1)
-        level, tilt, outer, lean, spread = x
-        return np.array([[level, tilt, 0.0], [outer, lean, spread], [outer, lean, -spread]])
 
     def starts(self, last: int) -> list[np.ndarray]:
         """Where the search begins, for a chain whose last level that is used is `last`."""
@@ -193,47 +161,29 @@ class _Layout:
 
 
 def _tracked(
-    seen: list[_Seen], order: Iterable[int], layout: _Layout, known: Potentials
+    seen: list[Seen], order: Iterable[int], layout: _Layout, known: Potentials
 ) -> tuple[float, np.ndarray, np.ndarray]:
     """(the sum of E over albedo², lobes (COLUMNS, K, 3), shares (COLUMNS, K + 1, C)), one viewer after another."""
     # The last level's few texels are too coarse for its kernel: of that the irradiance is left.
     last = len(known.potential) - 2
     kinds = np.array(layout.kinds)
-    least, most = (np.array(bounds)[kinds] for bounds in ((0, _LEAST_TILT, 0), (last, _MOST_TILT, _MOST_SPREAD)))
-    price = np.array((1.0, 100.0, 100.0))[kinds]
+    least, most = (np.array(each)[kinds] for each in ((0.0, _LEAST_TILT, 0.0), (last, _MOST_TILT, _MOST_SPREAD)))
+    bounds = Bounds(least, most, np.array((1.0, 100.0, 100.0))[kinds], layout.paired, layout.signed)
+    first = np.array(_SIMPLEX)[kinds]
     places = np.empty((len(seen), layout.count, 3))
     shares = np.empty((len(seen), layout.count + 1, seen[0].flux.shape[2]))
-    total, x = 0.0, None
+    total, x = 0.0, np.zeros(0)
     for k in order:
         # Of a black material nothing depends on it.
         scale = float((seen[k].whole[0] ** 2).sum()) * known.overlap[-1, -1, 0] or 1.0
-
-        def reflected(tried: np.ndarray, own: _Seen = seen[k]) -> tuple[float, np.ndarray]:
-            lobes = layout.lobes(tried)
-            levels = np.ascontiguousarray(lobes[:, 0])
-            return energy(own.axes(lobes), levels, *own[2:], *known, layout.signed)
-
-        def value(tried: np.ndarray, scale: float = scale, x: np.ndarray | None = x) -> float:
-            misfit = reflected(tried)[0] / scale
-            beyond = np.abs(tried - tried.clip(least, most)).sum()
-            moved = 0.0 if x is None else (price * (tried - x) ** 2).sum()
-            return float(misfit + beyond + _SMOOTH * moved)
-
-        steps = np.array(_SIMPLEX)[kinds]
-        if x is None:
-            found = [_simplex(value, start, steps, _FIRST_STEPS) for start in layout.starts(last)]
-            x = min(found, key=value)
+        given = x, scale, seen[k], known, bounds
+        if len(x) == 0:
+            found = [simplex(start, first, _FIRST_STEPS * len(start), *given) for start in layout.starts(last)]
+            x = min(found, key=lambda each, given=given: value_of(each, *given))
         else:
-            x = _simplex(value, x, steps, _STEPS)
+            x = simplex(x, first, _STEPS * len(x), *given)
         x = x.clip(least, most)
-        places[k] = layout.lobes(x)
-        misfit, shares[k] = reflected(x)
+        places[k] = lobes_of(x, layout.paired)
+        misfit, shares[k] = reflected(x, seen[k], known, bounds)
         total += misfit / scale
     return total, places, shares
-
-
-def _simplex(value, x: np.ndarray, first: np.ndarray, steps: int) -> np.ndarray:
-    """The least value found from x in so many `steps` of each number."""
-    corners = np.vstack([x, x + np.diag(first)])
-    options = {"maxfev": steps * len(x), "initial_simplex": corners, "xatol": _CLOSE, "fatol": 1e-7}
-    return minimize(value, x, method="Nelder-Mead", options=options).x
