@@ -3,10 +3,12 @@
 import os
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
+from pictured import small_spheres
 
 # Where PYTHONDONTWRITEBYTECODE is set (many images of containers), every worker would rewrite and compile all test
 # modules in every run: half a minute.
@@ -79,14 +81,10 @@ def real_data() -> Path:
 
 
 @pytest.fixture
-def small_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
+def small_pictures() -> Iterator[None]:
     """compare.png beside a fit with spheres 32 pixels wide: for tests of commands, not of that picture."""
-    try:
-        from homofact.figures.compare_picture import compare_picture
-    except ImportError:
-        return
-    assert compare_picture.__kwdefaults__ is not None
-    monkeypatch.setitem(compare_picture.__kwdefaults__, "size", 32)
+    with small_spheres():
+        yield
 
 
 @pytest.fixture

@@ -3,6 +3,7 @@
 import importlib
 import importlib.util
 import math
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -72,7 +73,15 @@ def sharp() -> Factorization:
 
 
 def saved_fits(folder: Path) -> dict[str, Path]:
-    """Saved factorizations by name: two searched textures, a lobe, an anisotropic one, a lobe as narrow as any."""
+    """`fits_by_name` saved in a folder."""
+    for name, each in fits_by_name().items():
+        each.save(folder / f"{name}.npz")
+    return {name: folder / f"{name}.npz" for name in fits_by_name()}
+
+
+@cache
+def fits_by_name() -> dict[str, Any]:
+    """Two searched textures, a lobe, an anisotropic one, a lobe as narrow as any: fitted once a process."""
     # Cole's search has no budget of seconds: the same textures on a busy machine.
     paint = homofact.fit(
         open_source("material:lafortune-blue-paint", count=5000, scheme="discs"),
@@ -81,10 +90,7 @@ def saved_fits(folder: Path) -> dict[str, Path]:
     phong = homofact.fit(homofact.read("material:phong-30", count=5000), homofact.McCool(projections=("h", "theta_d")))
     ward = homofact.read("material:ward-brushed", count=20_000)
     brushed = homofact.fit(ward, homofact.McCool(projections=("h", "wi"), size=24))
-    made = {"paint": paint, "phong": phong, "ward": brushed, "sharp": sharp()}
-    for name, each in made.items():
-        each.save(folder / f"{name}.npz")
-    return {name: folder / f"{name}.npz" for name in made}
+    return {"paint": paint, "phong": phong, "ward": brushed, "sharp": sharp()}
 
 
 def saved(fit: Factorization, folder: Path) -> str:

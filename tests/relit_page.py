@@ -12,20 +12,23 @@ import numpy as np
 import relit_scene
 import torch
 from browser import browser, complaints, headless
+from coarse import coarse_shapes, coarse_terms
 from relit_scene import CAMERA, tuples, whole
 
 from homofact.meshes.occlusion import Occluder
-from homofact.relighting.build import RelitObject
+from homofact.relighting.build import RelitObject, open_relight_scene, relit_objects
 from homofact.relighting.page.build import PageObject
 from homofact.relighting.page.relit_page import write_relit_page
 from homofact.relighting.picture import picture
 from homofact.relighting.relight import shaded
 from homofact.relighting.result import RelightResult
+from homofact.relighting.scene_file import read_relight_scene
 from homofact.rendering.tonemap import encode_srgb
 from homofact.scene.cameras import Camera
 from homofact.scene.meshes import MeshGroup
 
 ANGLE = 37.0
+DAY = np.ones((6, 8, 8, 3))
 # A window whose first picture costs a renderer in software little.
 SMALL = (640, 400)
 
@@ -152,6 +155,46 @@ def words(driver: Any, place: str) -> str:
     """An element's text, once the page has said all there is to say of its picture."""
     headless.settled(driver)
     return driver.execute_script("return document.getElementById(arguments[0]).textContent", place)
+
+
+def relit(folder: Path, text: str, rings: int = 16) -> RelightResult:
+    """The scene of a file with this text, of coarse shapes and terms; a sphere has `rings` bands."""
+    (folder / "scene.toml").write_text(text)
+    with coarse_shapes(rings=rings), coarse_terms():
+        opened = open_relight_scene(read_relight_scene(folder / "scene.toml"))
+        return RelightResult.of(opened.file, relit_objects(opened), {})
+
+
+def with_own_light(made: RelightResult, light: np.ndarray = DAY) -> RelightResult:
+    """The library's own light as a reference: what the sum in full gives is the error's business."""
+    return replace(made, reference=tuple(made.shade(light, made.cameras[0].eye, suns=True)))
+
+
+def turned(objects: Sequence[RelitObject], degrees: float) -> list[RelitObject]:
+    """The objects under suns that are turned with the sky, from +z towards +x."""
+    a = math.radians(degrees)
+    turn = np.array([[math.cos(a), 0, math.sin(a)], [0, 1, 0], [-math.sin(a), 0, math.cos(a)]])
+    found = []
+    for each in objects:
+        assert each.sunlight is not None
+        moved = tuple(replace(sun, direction=turn @ sun.direction) for sun in each.sunlight.suns)
+        found.append(replace(each, sunlight=replace(each.sunlight, suns=moved)))
+    return found
+
+
+def vertex_light(driver: Any) -> list[np.ndarray]:
+    """What the page's processor shades of each object (V, 3)."""
+    found = driver.execute_script("return homofact.view.shade().map((each) => Array.from(each))")
+    return [np.array(each).reshape(-1, 3) for each in found]
+
+
+def compared(
+    driver: Any, scene: RelightResult, objects: Sequence[RelitObject], suns: bool = True, light: np.ndarray = DAY
+) -> np.ndarray:
+    """The largest difference (N,) of the channels, in 255ths, at the page's pixels that are all surface."""
+    shown = shown_picture(driver)
+    expected, cover = library_picture(driver, scene, objects, light, (shown.shape[1], shown.shape[0]), suns)
+    return np.abs(shown - expected).max(-1)[cover]
 
 
 @contextmanager

@@ -15,11 +15,15 @@ EXAMPLES = {
     for name in DOCUMENTED
     if (examples := doctest.DocTestParser().get_examples(inspect.getdoc(getattr(homofact, name)) or ""))
 }
+SLOW = ("sweep", "report", "chart", "plan", "factorize", "export", "compare", "evaluate", "edit", "relight")
 
 
 @pytest.mark.usefixtures("small_pictures", "rough_sampling")
 @pytest.mark.parametrize(
-    "name", slow_among(EXAMPLES, "sweep", "report", "chart", "plan", "factorize", "export", "compare", "evaluate")
+    "name",
+    slow_among(
+        EXAMPLES, "sweep", "report", "chart", "plan", "factorize", "export", "compare", "evaluate", "edit", "relight"
+    ),
 )
 def test_an_example_runs(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)

@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from pictured import small_spheres
 
 import homofact
 from homofact.api.describing import WHITE_STANDARD
@@ -16,7 +17,8 @@ from homofact.factor.fixed_projections import EDITED, EDITS
 @pytest.fixture(scope="module")
 def result(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("fits") / "phong"
-    homofact.factorize("material:phong-30", place, homofact.McCool(size=6))
+    with small_spheres():
+        homofact.factorize("material:phong-30", place, homofact.McCool(size=6))
     return place
 
 

@@ -9,14 +9,25 @@ import numpy as np
 import pytest
 import torch
 from browser import headless
-from coarse import coarse_shapes, coarse_terms
-from relit_page import ANGLE, change, library_picture, relit_page, shown_picture, slide, statistics, words
+from relit_page import (
+    ANGLE,
+    DAY,
+    change,
+    compared,
+    relit,
+    relit_page,
+    shown_picture,
+    slide,
+    statistics,
+    vertex_light,
+    with_own_light,
+    words,
+)
 
-from homofact.relighting.build import RelitObject, open_relight_scene, relit_objects
+from homofact.relighting.build import RelitObject
 from homofact.relighting.errors import relative
 from homofact.relighting.picture import picture
 from homofact.relighting.result import RelightResult
-from homofact.relighting.scene_file import read_relight_scene
 from homofact.rendering.sphere import SphereImage
 from homofact.rendering.tonemap import automatic_exposure
 from homofact.scene.meshes import MeshGroup
@@ -63,17 +74,11 @@ cube = 8
 kept = 60
 bounces = 1
 """
-DAY = np.ones((6, 8, 8, 3))
 
 
 @pytest.fixture(scope="module")
 def scene(tmp_path_factory: pytest.TempPathFactory) -> RelightResult:
-    file = tmp_path_factory.mktemp("lamps") / "scene.toml"
-    file.write_text(SCENE)
-    with coarse_shapes(), coarse_terms():
-        opened = open_relight_scene(read_relight_scene(file))
-        made = RelightResult.of(opened.file, relit_objects(opened), {})
-    return replace(made, reference=tuple(made.shade(DAY, made.cameras[0].eye, suns=True)))
+    return with_own_light(relit(tmp_path_factory.mktemp("lamps"), SCENE))
 
 
 @pytest.fixture(scope="module")
@@ -108,13 +113,6 @@ def lit_by(objects: tuple[RelitObject, ...], *numbers: int) -> list[RelitObject]
     return lit_at(objects, *(float(k in numbers) for k in range(2)))
 
 
-def compared(driver: Any, scene: RelightResult, objects: list[RelitObject], suns: bool = True) -> np.ndarray:
-    """The largest difference (N,) of the channels, in 255ths, at the page's pixels that are all surface."""
-    shown = shown_picture(driver)
-    expected, cover = library_picture(driver, scene, objects, DAY, (shown.shape[1], shown.shape[0]), suns)
-    return np.abs(shown - expected).max(-1)[cover]
-
-
 @pytest.mark.slow
 def test_lamps_have_one_shadow_map_or_those_of_a_cube(lamps: Any) -> None:
     script = "return homofact.view.stage.shadows.maps.map(({ first, layers }) => [first, layers])"
@@ -125,12 +123,12 @@ def test_lamps_have_one_shadow_map_or_those_of_a_cube(lamps: Any) -> None:
 @pytest.mark.parametrize("on", [True, False])
 def test_the_processor_has_the_lamps_of_the_library(on: bool, lamps: Any, scene: RelightResult) -> None:
     change(lamps, "light-shown", lamps=on)
-    found = lamps.execute_script("return homofact.view.shade().map((each) => Array.from(each))")
     expected = scene.shade(scene.sky.environment(), scene.cameras[0].eye, suns=True, lamps=on)
-    for one, other in zip(found, expected, strict=True):
-        assert relative(np.array(one).reshape(-1, 3), other) < 5e-3
+    for one, other in zip(vertex_light(lamps), expected, strict=True):
+        assert relative(one, other) < 5e-3
 
 
+@pytest.mark.slow
 def test_pixels_have_light_and_shadow_of_the_lamps(lamps: Any, scene: RelightResult) -> None:
     lamps.execute_script("homofact.view.orbit.turn(30, 5); homofact.changed('light-shown')")
     headless.settled(lamps)
@@ -159,9 +157,8 @@ def test_a_slider_makes_each_lamp_brighter_or_darker(lamps: Any, scene: RelightR
     assert np.median(apart) < 1.5
     assert apart.mean() < 3.2
     assert compared(lamps, scene, list(scene.objects)).mean() > 8
-    found = lamps.execute_script("return homofact.view.shade().map((each) => Array.from(each))")
-    for one, each in zip(found, expected, strict=True):
-        assert relative(np.array(one).reshape(-1, 3), each.lit(DAY, True).shade(scene.cameras[0].eye)) < 5e-3
+    for one, each in zip(vertex_light(lamps), expected, strict=True):
+        assert relative(one, each.lit(DAY, True).shade(scene.cameras[0].eye)) < 5e-3
     # The reference is of lamps as they were.
     assert statistics(lamps)["error"] is None
     assert "as bright as in the scene’s file" in words(lamps, "error-words")

@@ -1,20 +1,26 @@
 """Normal maps on the page of a relit scene: at pixels at rest, at vertices on the processor, beside a reference."""
 
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 from browser import headless
 from bumpy import waves, written
-from coarse import coarse_terms
-from relit_page import change, library_picture, pixels_of, relit_page, shown_picture, statistics
+from relit_page import (
+    change,
+    library_picture,
+    pixels_of,
+    relit,
+    relit_page,
+    shown_picture,
+    statistics,
+    vertex_light,
+    with_own_light,
+)
 
-from homofact.relighting.build import open_relight_scene, relit_objects
 from homofact.relighting.errors import relative
 from homofact.relighting.result import RelightResult
-from homofact.relighting.scene_file import read_relight_scene
 
 pytestmark = pytest.mark.slow
 
@@ -52,11 +58,8 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> RelightResult:
     folder = tmp_path_factory.mktemp("normals")
     written(folder / "metal.glb", waves(), 1.0, 0.5, coloured=True)
     written(folder / "matt.glb", waves(0.8), 0.0, 1.0)
-    (folder / "scene.toml").write_text(SCENE)
-    with coarse_terms():
-        opened = open_relight_scene(read_relight_scene(folder / "scene.toml"))
-        made = RelightResult.of(opened.file, relit_objects(opened), {})
-    return replace(made, reference=tuple(made.shade(made.sky.cube, opened.file.cameras[0].eye, True)))
+    made = relit(folder, SCENE)
+    return with_own_light(made, made.sky.cube)
 
 
 @pytest.fixture(scope="module")
@@ -99,10 +102,9 @@ def test_pixels_at_rest_have_their_mapped_normals(page: Any, scene: RelightResul
 def test_vertices_have_them_on_the_processor(page: Any, scene: RelightResult) -> None:
     for suns in (True, False):
         change(page, "light-shown", suns=suns)
-        found = page.execute_script("return homofact.view.shade().map((each) => Array.from(each))")
         wanted = scene.shade(scene.sky.cube, scene.cameras[0].eye, suns)
-        for one, other in zip(found, wanted, strict=True):
-            assert relative(np.array(one).reshape(-1, 3), other) < 0.01
+        for one, other in zip(vertex_light(page), wanted, strict=True):
+            assert relative(one, other) < 0.01
 
 
 def test_a_reference_is_compared_with_the_normals_of_the_vertices(page: Any) -> None:

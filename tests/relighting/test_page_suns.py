@@ -1,21 +1,16 @@
 """Suns on the page of a relit scene: their light at vertices, light and shadows at pixels, turned and switched off."""
 
-import math
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 from browser import headless
-from coarse import coarse_shapes, coarse_terms
-from relit_page import ANGLE, change, library_picture, relit_page, shown_picture, statistics
+from relit_page import ANGLE, change, compared, relit, relit_page, statistics, turned, vertex_light, with_own_light
 from slow_cases import slow_among
 
-from homofact.relighting.build import RelitObject, open_relight_scene, relit_objects
 from homofact.relighting.errors import relative
 from homofact.relighting.result import RelightResult
-from homofact.relighting.scene_file import read_relight_scene
 
 SCENE = """
 [[object]]
@@ -57,13 +52,7 @@ bounces = 1
 
 @pytest.fixture(scope="module")
 def scene(tmp_path_factory: pytest.TempPathFactory) -> RelightResult:
-    file = tmp_path_factory.mktemp("suns") / "scene.toml"
-    file.write_text(SCENE)
-    with coarse_shapes(), coarse_terms():
-        opened = open_relight_scene(read_relight_scene(file))
-        made = RelightResult.of(opened.file, relit_objects(opened), {})
-    # The library's own light as a reference: what the sum in full gives is the error's business.
-    return replace(made, reference=tuple(made.shade(np.ones((6, 8, 8, 3)), opened.file.cameras[0].eye, True)))
+    return with_own_light(relit(tmp_path_factory.mktemp("suns"), SCENE))
 
 
 @pytest.fixture(scope="module")
@@ -82,26 +71,6 @@ def suns(opened: Any) -> Any:
     return opened
 
 
-def turned(objects: tuple[RelitObject, ...], degrees: float) -> list[RelitObject]:
-    """The objects under suns that are turned with the sky, from +z towards +x."""
-    a = math.radians(degrees)
-    turn = np.array([[math.cos(a), 0, math.sin(a)], [0, 1, 0], [-math.sin(a), 0, math.cos(a)]])
-    found = []
-    for each in objects:
-        assert each.sunlight is not None
-        moved = tuple(replace(sun, direction=turn @ sun.direction) for sun in each.sunlight.suns)
-        found.append(replace(each, sunlight=replace(each.sunlight, suns=moved)))
-    return found
-
-
-def compared(driver: Any, scene: RelightResult, objects: list[RelitObject], suns: bool = True) -> np.ndarray:
-    """The largest difference (N,) of the channels, in 255ths, at the page's pixels that are all surface."""
-    shown = shown_picture(driver)
-    size = (shown.shape[1], shown.shape[0])
-    expected, cover = library_picture(driver, scene, objects, np.ones((6, 8, 8, 3)), size, suns)
-    return np.abs(shown - expected).max(-1)[cover]
-
-
 @pytest.mark.slow
 def test_a_disc_wider_than_a_lobe_is_asked_at_several_directions(suns: Any) -> None:
     found = suns.execute_script("return homofact.view.objects.map((each) => each.sunlight.directions)")
@@ -112,10 +81,9 @@ def test_a_disc_wider_than_a_lobe_is_asked_at_several_directions(suns: Any) -> N
 def test_the_processor_has_the_suns_of_the_library(suns: Any, scene: RelightResult) -> None:
     for on in (True, False):
         change(suns, "light-shown", suns=on)
-        found = suns.execute_script("return homofact.view.shade().map((each) => Array.from(each))")
         expected = scene.shade(scene.sky.environment(), scene.cameras[0].eye, on)
-        for one, other in zip(found, expected, strict=True):
-            assert relative(np.array(one).reshape(-1, 3), other) < 4e-3
+        for one, other in zip(vertex_light(suns), expected, strict=True):
+            assert relative(one, other) < 4e-3
 
 
 @pytest.mark.parametrize(("turn", "across"), slow_among([(0.0, 0.0), (ANGLE, 0.0), (-80.0, 40.0)], ANGLE, -80.0))

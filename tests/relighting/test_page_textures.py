@@ -1,21 +1,27 @@
 """Base-colour textures on the page of a relit scene: at vertices on processor and card, at pixels, in comparisons."""
 
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 from browser import headless
-from coarse import coarse_terms
-from relit_page import change, library_picture, relit_page, shown_picture, statistics
+from relit_page import (
+    DAY,
+    change,
+    library_picture,
+    relit,
+    relit_page,
+    shown_picture,
+    statistics,
+    vertex_light,
+    with_own_light,
+)
 from textured import written
 
-from homofact.relighting.build import open_relight_scene, relit_objects
 from homofact.relighting.errors import relative
 from homofact.relighting.page import build
 from homofact.relighting.result import RelightResult
-from homofact.relighting.scene_file import read_relight_scene
 from homofact.scene.tint import SurfaceTint
 
 SCENE = """
@@ -45,7 +51,6 @@ cube = 8
 kept = 200
 bounces = 1
 """
-SKY = np.ones((6, 8, 8, 3))
 
 
 @pytest.fixture(scope="module")
@@ -53,12 +58,7 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> RelightResult:
     folder = tmp_path_factory.mktemp("textures")
     written(folder / "metal.glb", 1.0, 0.5)
     written(folder / "matt.glb", 0.0, 1.0)
-    (folder / "scene.toml").write_text(SCENE)
-    with coarse_terms():
-        opened = open_relight_scene(read_relight_scene(folder / "scene.toml"))
-        made = RelightResult.of(opened.file, relit_objects(opened), {})
-    # The library's own light as a reference: what the sum in full gives is the error's business.
-    return replace(made, reference=tuple(made.shade(SKY, opened.file.cameras[0].eye, True)))
+    return with_own_light(relit(folder, SCENE))
 
 
 @pytest.fixture(scope="module")
@@ -85,7 +85,7 @@ def test_pixels_have_the_colours_of_the_textures(
     change(page, suns=suns, interpolation=interpolation)
     found = shown_picture(page)
     size = (found.shape[1], found.shape[0])
-    wanted, cover = library_picture(page, scene, scene.objects, SKY, size, suns)
+    wanted, cover = library_picture(page, scene, scene.objects, DAY, size, suns)
     apart = np.abs(found - wanted).max(-1)[cover]
     assert len(apart) > 6_500
     # The separate lobe is at vertices in this picture, and where colours meet the texture has smaller copies.
@@ -98,17 +98,17 @@ def test_pixels_have_the_colours_of_the_textures(
 def test_vertices_have_them_on_processor_and_card(page: Any, scene: RelightResult) -> None:
     for suns in (True, False):
         change(page, "light-shown", suns=suns)
-        found = page.execute_script("return homofact.view.shade().map((each) => Array.from(each))")
-        wanted = scene.shade(SKY, scene.cameras[0].eye, suns)
+        found = vertex_light(page)
+        wanted = scene.shade(DAY, scene.cameras[0].eye, suns)
         for one, other in zip(found, wanted, strict=True):
-            assert relative(np.array(one).reshape(-1, 3), other) < 6e-3
+            assert relative(one, other) < 6e-3
     card = page.execute_script(
         "return homofact.view.stage.objects.map((o) => { o.shade(homofact.view); return Array.from(o.read()); })"
     )
     for one, other in zip(card, found, strict=True):
-        facing = np.array(other).reshape(-1, 3).any(1)
+        facing = other.any(1)
         # Near the horizon the card takes a view as one at it.
-        assert relative(np.array(one).reshape(-1, 3)[facing], np.array(other).reshape(-1, 3)[facing]) < 0.02
+        assert relative(np.array(one).reshape(-1, 3)[facing], other[facing]) < 0.02
 
 
 @pytest.mark.slow

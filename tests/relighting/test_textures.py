@@ -170,7 +170,9 @@ def pixels_of(scene: RelightScene, objects: tuple[RelitObject, ...]) -> tuple[Se
 Case = tuple[RelightScene, tuple[RelitObject, ...]]
 
 
-@pytest.fixture(scope="module", params=[GLOSS, METAL], ids=["gloss", "metal"])
+@pytest.fixture(
+    scope="module", params=[pytest.param(GLOSS, marks=pytest.mark.slow, id="gloss"), pytest.param(METAL, id="metal")]
+)
 def cases(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> list[Case]:
     """The ball with the texture, and the ball in each of its colours."""
     place, found = tmp_path_factory.mktemp("textured"), []

@@ -43,6 +43,18 @@ def test_an_overlap_is_the_potential_s_mean_over_the_other_lobe() -> None:
         assert _between(known.overlap[1], 2.0, math.cos(angle)) == pytest.approx(mean, abs=3e-4)
 
 
+def test_the_pull_is_the_potential_at_every_angle_times_the_flux() -> None:
+    """Behind the axis too, and at a level between two."""
+    known, rng = potentials(own_kernels(SIDE)), np.random.default_rng(2)
+    wi = rng.normal(size=(400, 3))
+    wi /= np.linalg.norm(wi, axis=1, keepdims=True)
+    axis, flux = wi[0], rng.random((400, 2))
+    wi[1] = -axis
+    place = np.sqrt(np.arccos((wi @ axis).clip(-1, 1)) / math.pi) * (POINTS - 1)
+    low, high = (np.interp(place, np.arange(POINTS), known.potential[k]) for k in (1, 2))
+    assert pull_of(axis, 1.25, wi, flux, known.potential) == pytest.approx((0.75 * low + 0.25 * high) @ flux, rel=1e-6)
+
+
 def test_an_engine_s_chain_is_judged_by_small_lamps_too(monkeypatch: pytest.MonkeyPatch) -> None:
     """An even spectrum adds the kernel itself to its potential, but for its mean over the sphere."""
     kernels = ggx_kernels((0.5, 0.8, 1.0), 0.02)

@@ -46,7 +46,9 @@ def swept(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with a small sweep's file, and its results in "sweep", of one worker."""
     folder = tmp_path_factory.mktemp("swept")
     root = Path(__file__).parents[2]
-    shutil.copy(root / "data_synthetic/plastic.npz", folder / "paint.npz")
+    with np.load(root / "data_synthetic/plastic.npz") as whole:
+        # Every tenth sample: the fits are quick.
+        np.savez(folder / "paint.npz", **{name: each[::10] if each.ndim > 1 else each for name, each in whole.items()})
     (folder / "small.toml").write_text(FILE, encoding="utf-8")
     assert main(["sweep", str(folder / "small.toml"), "--out", str(folder / "sweep"), "--workers", "1", "-q"]) == 0
     return folder
