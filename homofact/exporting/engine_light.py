@@ -21,6 +21,7 @@ from homofact.rendering.closure_fit import closures_of
 from homofact.rendering.closures import Closures
 from homofact.rendering.filtered import FilteredMaterial, Surroundings
 from homofact.rendering.light import EnvironmentMap
+from homofact.rendering.lobe_patches import FULL
 from homofact.rendering.made_skies import MADE_SKIES, made_sky
 from homofact.rendering.prefilter import LevelTable, Prefiltered, level_table
 from homofact.rendering.sky_chain import FilteredSky
@@ -33,6 +34,8 @@ PREFIX = "homofact_light"
 LOBES = 3
 SIZE = 48  # pixels of the sphere whose picture is compared
 _ROWS = 128  # of the skies
+# Of so small a picture, half as many azimuths change no error by more than a thousandth of the picture.
+_FINENESS = FULL._replace(azimuths=96)
 POOR = 0.1  # an error above this is warned of
 _TITLE = (
     "The fit under the engine's own sky, filtered by GGX: radiance towards wo, linear, on the sky's own scale.",
@@ -160,7 +163,7 @@ def closure_light(reflectance: Reflectance, lobes: int = CLOSURE_LOBES) -> Closu
     Raises BadInput for channels that are no picture's, values that are not finite, and what reflects nothing.
     """
     closures = closures_of(reflectance, lobes)
-    material = FilteredMaterial.of(closures)
+    material = FilteredMaterial.of(closures, fineness=_FINENESS)
     return ClosureLight(closures, errors_of(reflectance, lambda light, around: material.under(around)))
 
 
@@ -168,9 +171,9 @@ def errors_of(
     reflectance: Reflectance, shown: Callable[[EnvironmentMap, Surroundings], SphereImage]
 ) -> dict[str, float]:
     """Relative RMS by sky of the sphere of `SIZE` pixels that is `shown` for a fit."""
-    material, errors = FilteredMaterial.of(reflectance), {}
+    material, errors = FilteredMaterial.of(reflectance, fineness=_FINENESS), {}
     for name in MADE_SKIES:
         light = made_sky(name, _ROWS)
-        around = Surroundings.of(light, SIZE)
+        around = Surroundings.of(light, SIZE, fineness=_FINENESS)
         errors[name] = compared(shown(light, around), material.under(around))
     return errors

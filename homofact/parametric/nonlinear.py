@@ -11,6 +11,7 @@ nothing is drawn but the samples where there are more than `MOST_SAMPLES`.
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import torch
@@ -38,15 +39,27 @@ class CubeRoots:
 
     def compressed(self, values: Tensor) -> Tensor:
         """∛(f cosθi + δ), (N, C)."""
-        cosine = self.samples.wi[:, 2:].to(values)
-        floor = 1e-3 * float((self.samples.values * self.samples.wi[:, 2:]).mean())
-        return (values * cosine + max(floor, 1e-12)).pow(1 / 3)
+        return (values * self.samples.wi[:, 2:].to(values) + self.floor).pow(1 / 3)
 
     def residuals(self, values: Tensor) -> Tensor:
         """√w times the difference (N, C) of model and samples."""
+        return self.root.to(values) * (self.compressed(values) - self.target.to(values))
+
+    @cached_property
+    def floor(self) -> float:
+        """δ."""
+        return max(1e-3 * float((self.samples.values * self.samples.wi[:, 2:]).mean()), 1e-12)
+
+    @cached_property
+    def root(self) -> Tensor:
+        """√w (N, 1)."""
         weights = over_discs(self.samples)
-        root = (weights / weights.sum()).sqrt()[:, None]
-        return root.to(values) * (self.compressed(values) - self.compressed(self.samples.values.to(values)))
+        return (weights / weights.sum()).sqrt()[:, None]
+
+    @cached_property
+    def target(self) -> Tensor:
+        """∛(f cosθi + δ) of the samples (N, C)."""
+        return self.compressed(self.samples.values)
 
 
 def fit_parameters(
