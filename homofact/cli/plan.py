@@ -124,8 +124,9 @@ def doubt_line(verdicts: "Mapping[str, Verdict | None]") -> str:
     names = [label for label, verdict in verdicts.items() if verdict is not None and not verdict.trusted]
     if not names:
         return ""
-    whose = f"the verdict on {names[0]}" if len(names) == 1 else f"the verdicts on {', '.join(names)}"
-    return f"Before you ship, read {whose} below: it warns of errors that the tolerance does not cover."
+    many = len(names) > 1
+    whose, warn = f"the verdict{'s' * many} on {', '.join(names)}", "they warn" if many else "it warns"
+    return f"Before you ship, read {whose} below: {warn} of errors that the tolerance does not cover."
 
 
 def finding_lines(verdicts: "Mapping[str, Verdict | None]") -> list[str]:

@@ -108,6 +108,12 @@ class Projection:
         return Rotation(torch.from_numpy(self.quaternions))
 
     @property
+    def one_way(self) -> bool:
+        """Whether its value changes if ωi and ωo are swapped."""
+        swapped = self.matrix @ np.array(self.system.swap, dtype=self.matrix.dtype)
+        return not self.reciprocal and not np.array_equal(swapped, self.matrix)
+
+    @property
     def axes(self) -> Axes:
         """The kinds of the texture's axes (rows, columns): `linear.layout`."""
         return axes_of_rows(self.matrix, self.system)

@@ -90,6 +90,7 @@ class StructureSearch:
         self._best = EMPTY
         self._trace: list[tuple[float, int, float]] = []
         self._notes: list[str] = []
+        self._note_of_freedom = ""
         self._banks: dict[Warp | None, Banks] = {}
         self._best_warps: list[Warp | None] = []
         self._levels: list[Mix] = []
@@ -118,6 +119,9 @@ class StructureSearch:
                 raise
             status = Status.INTERRUPTED
             notes.append(f"interrupted: the best mix so far has {len(self._best.kinds)} of {textures} textures")
+        # Free of reciprocity, the best mix may still have it: θh and θd are the same both ways.
+        if self._note_of_freedom and any(own.one_way for own in self._best.projections):
+            notes.append(self._note_of_freedom)
         if self._budget.late and status is Status.CONVERGED:
             status = Status.GUARD
         levels = tuple(self._best if len(level.kinds) == len(self._best.kinds) else level for level in self._levels)
@@ -205,7 +209,7 @@ class StructureSearch:
         if not without < FREE_WORTH * kept:
             return False
         self._reciprocal, self._banks = False, {}
-        self._notes.append(
+        self._note_of_freedom = (
             "the fit is not reciprocal, f(ωi, ωo) is not f(ωo, ωi): where the search tried both, the validation error"
             f" was {kept:.3g} with reciprocity and {without:.3g} without ({Advice('reciprocal', True)} enforces it)"
         )

@@ -32,8 +32,8 @@ class Run:
     peak: float
 
 
-def timed(command: list[str]) -> Run:
-    """Run a command to its end. Raises RuntimeError where it fails."""
+def timed(command: list[str], ends: tuple[int, ...] = (0,)) -> Run:
+    """Run a command to its end. Raises RuntimeError where its exit code is none of `ends`."""
     began = time.perf_counter()
     null = os.open(os.devnull, os.O_RDWR)
     process = os.posix_spawn(
@@ -41,8 +41,9 @@ def timed(command: list[str]) -> Run:
     )
     _, status, used = os.wait4(process, 0)
     os.close(null)
-    if status:
-        raise RuntimeError(f"{' '.join(command)}: ended with {os.waitstatus_to_exitcode(status)}")
+    code = os.waitstatus_to_exitcode(status)
+    if code not in ends:
+        raise RuntimeError(f"{' '.join(command)}: ended with {code}")
     return Run(time.perf_counter() - began, used.ru_utime + used.ru_stime, used.ru_maxrss / 1024)
 
 

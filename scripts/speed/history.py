@@ -8,7 +8,7 @@ error and the relative RMS of f cosθi cosθo, which are the same on every machi
 With `--checkouts` the versions in these folders are run in turn, command by command. `--check` ends with 1 where a
 figure is more than 20% above the last one of the same command, of the same kind of machine where it depends on that.
 
-    python scripts/speed/history.py [--checkouts FOLDER …] [--long] [--write] [--check] [--plot FILE]
+    python scripts/speed/history.py [--checkouts FOLDER …] [--long] [--only NAMES] [--write] [--check] [--plot FILE]
 """
 
 import csv
@@ -27,7 +27,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
-from scripts.shared.harness import ROOT, data_folder, figure, finish, markdown, parser_of, progress, write_csv
+from scripts.shared.harness import ROOT, data_folder, figure, finish, listed, markdown, parser_of, progress, write_csv
 from scripts.speed.command_time import HOMOFACT, timed
 
 KEPT = Path(__file__).with_name("history.csv")
@@ -65,7 +65,7 @@ class Command:
     """What is run: words after `homofact`, `{out}` a new folder and `{fit}` the fit of an earlier command.
 
     `{scene}` is a file with the text `scene`. `older` are the words of versions whose charts were a command of
-    their own.
+    their own. `ends` are its exit codes: a plan that is missed ends with 1.
     """
 
     name: str
@@ -73,6 +73,7 @@ class Command:
     fits: bool = False
     older: tuple[str, ...] = ()
     scene: str = ""
+    ends: tuple[int, ...] = (0,)
 
     def words_of(self, checkout: Path) -> tuple[str, ...]:
         """The words for the version in a folder."""
@@ -117,7 +118,7 @@ def commands(folder: Path, short: bool, long: bool) -> Iterator[Command]:
         yield Command("plan", ("plan", scene, "--against", "sun", "--plot", "{out}.png"))
         sources = [file, folder / "cornell" / "garnet_red.brdf"]
         if all(source.is_file() for source in sources):
-            yield Command("plan of two measurements", ("plan", "{scene}"), scene=scene_of(sources))
+            yield Command("plan of two measurements", ("plan", "{scene}"), scene=scene_of(sources), ends=(0, 1))
 
 
 def scene_of(sources: Sequence[Path]) -> str:
@@ -158,7 +159,7 @@ def measured(
             words = [word.format(**said) for word in command.words_of(checkout)]
             os.environ["PYTHONPATH"] = str(checkout)
             # -P: not the package in the working folder.
-            run = timed([HOMOFACT[0], "-P", *HOMOFACT[1:], *words])
+            run = timed([HOMOFACT[0], "-P", *HOMOFACT[1:], *words], command.ends)
             found: dict[str, float | None] = {}
             if command.fits:
                 report = json.loads((out / "report.json").read_text(encoding="utf-8"))
@@ -228,6 +229,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--repeats", type=int, default=3, help="runs of every command (%(default)s)")
     parser.add_argument("--csv", type=Path, default=KEPT, help="the file of lines (%(default)s)")
     parser.add_argument("--long", action="store_true", help="the README's chart, and plans, too")
+    parser.add_argument("--only", help="these commands, by commas; those that a command needs must be among them")
     parser.add_argument("--write", action="store_true", help="append the lines to the file")
     parser.add_argument("--check", action="store_true", help="end with 1 where a figure has risen by more than 20%%")
     parser.add_argument("--plot", type=Path, help="draw all lines into this file")
@@ -240,14 +242,19 @@ def main(arguments: list[str] | None = None) -> int:
     with tempfile.TemporaryDirectory() as folder:
         fits: dict[Path, Path] = {}
         loop = min(reference() for _ in range(3 if options.short else 12))
-        for command in commands(data_folder(options.data), options.short, options.long):
+        known = list(commands(data_folder(options.data), options.short, options.long))
+        chosen = listed(options.only, [command.name for command in known], "--only")
+        names = [field.name for field in fields(Line)]
+        for command in (each for each in known if each.name in chosen):
             repeats = 1 if options.short else options.repeats
             now += measured(command, options.checkouts, repeats, fits, Path(folder), loop)
             progress(*(f"{line.version} {line.command}: {line.cpu:.2f} s" for line in now[-len(options.checkouts) :]))
-    names = [field.name for field in fields(Line)]
-    if options.write:
-        rows = [["" if value is None else value for value in asdict(line).values()] for line in [*earlier, *now]]
-        write_csv(options.csv, names, rows)
+            # Command by command: a later one that fails takes nothing away.
+            if options.write:
+                kept = [
+                    ["" if value is None else value for value in asdict(line).values()] for line in [*earlier, *now]
+                ]
+                write_csv(options.csv, names, kept)
     if options.plot is not None:
         draw([*earlier, *now], options.plot)
     header = ("command", "version", "CPU s", "wall s", "CPU / loop", "peak MB", "evaluations", "error", "rms")

@@ -125,3 +125,13 @@ def test_which_axes_go_round_is_read_off_the_matrix() -> None:
 def test_bad_projections_are_named(call, message: str) -> None:
     with pytest.raises(BadInput, match=message):
         call()
+
+
+@pytest.mark.parametrize("name", FIXED_PROJECTIONS)
+def test_a_projection_is_one_way_where_swapped_directions_have_another_place(name: str) -> None:
+    generator = torch.Generator().manual_seed(1)
+    wi, wo = draw_in_discs(50, generator)
+    alone, both = (fixed_projection(name, reciprocal=reciprocal) for reciprocal in (False, True))
+    (place,), (other,) = (alone.place(*pair) for pair in ((wi, wo), (wo, wi)))
+    assert alone.one_way == (not torch.allclose(place, other, atol=1e-9))
+    assert not both.one_way

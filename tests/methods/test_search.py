@@ -204,3 +204,14 @@ def test_candidates_follow_the_symmetry_and_the_pin() -> None:
         candidates_of(True, Search(projections=("h", "d", "wi")))
     with pytest.raises(BadInput, match="projections: found 'polar', expected one of wi"):
         candidates_of(True, Search(projections=("polar",)))
+
+
+def test_a_fit_that_is_reciprocal_by_itself_is_not_called_otherwise(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Reciprocity is given up; the one texture that is best is over θh and θd, the same both ways."""
+    samples = sample_model(Ward((0.1,), (0.2,), alpha_x=0.3, alpha_y=0.3, channels=("R",)), 2000, "lobe", seed=2)
+    monkeypatch.setattr(structure_search, "FREE_WORTH", 1e6)
+    fit = fit_search(samples, Search(textures=1, effort=40.0, size=6))
+    (term,) = fit.factorization.terms
+    assert not term.projection.reciprocal
+    assert not term.projection.one_way
+    assert not any("not reciprocal" in note for note in fit.report.notes)

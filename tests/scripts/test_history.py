@@ -9,6 +9,7 @@ import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from scripts.speed import history
+from scripts.speed.command_time import Run
 from scripts.speed.history import Line, main, risen
 
 LINE = Line("2026-01-02", "0.1.0", "fast, 2 cores", "info", 10.0, 2.0, 2.5, 300.0, 120.0, 0.05, None)
@@ -73,3 +74,31 @@ def test_the_reference_loop_runs_on_one_thread(monkeypatch: pytest.MonkeyPatch) 
     with threadpool_limits(2):
         assert history.reference() > 0
     assert seen == [1]
+
+
+def test_lines_stay_when_a_later_command_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    kept, asked = tmp_path / "history.csv", []
+
+    def timed(command: list[str], ends: tuple[int, ...]) -> Run:
+        asked.append((command[-2], ends))
+        if "factorize" in command:
+            raise RuntimeError("ended with 1")
+        return Run(2.0, 1.5, 300.0)
+
+    monkeypatch.setattr(history, "timed", timed)
+    words = ["--repeats", "1", "--write", "--csv", str(kept), "--data", str(tmp_path)]
+    with pytest.raises(RuntimeError):
+        main([*words, "--only", "info,factorize measurement"])
+    with kept.open(newline="") as file:
+        (line,) = [Line.read(row) for row in csv.DictReader(file)]
+    assert (line.command, line.wall, line.cpu) == ("info", 2.0, 1.5)
+    assert len(asked) == 2
+
+
+def test_a_missed_plan_is_timed(tmp_path: Path) -> None:
+    for name in ("rgl/vch_golden_yellow_rgb.bsdf", "cornell/garnet_red.brdf"):
+        (tmp_path / name).parent.mkdir()
+        (tmp_path / name).touch()
+    ends = {command.name: command.ends for command in history.commands(tmp_path, False, True)}
+    assert ends.pop("plan of two measurements") == (0, 1)
+    assert set(ends.values()) == {(0,)}
