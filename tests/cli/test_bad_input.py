@@ -140,7 +140,7 @@ CASES = {
     "option of a wrong type": ([*FIT, "--size", "big"], r"--size.*expected a whole number"),
     "option without a value": ([*FIT, "--size"], r"--size.*requires an argument"),
     "unknown command": (["factorise", MATERIAL], r"factorise"),
-    "argument too many": ([*INFO, "b"], r"unexpected extra argument"),
+    "argument too many": (["render", MATERIAL, "b"], r"unexpected extra argument"),
     "no result named": (["render"], r"Missing argument.*RESULT"),
 }
 

@@ -75,7 +75,7 @@ def plan(*materials: Any) -> Any:
     scene = SimpleNamespace(
         name="shop", tolerance=Tolerance((("reflected", 0.2),)), lightings=(SimpleNamespace(name="sun"),)
     )
-    return SimpleNamespace(distinct=materials, scene=scene, bytes=60, planning_fits=1, exhaustive_fits=30)
+    return SimpleNamespace(distinct=materials, scene=scene, bytes=60, fits=1, exhaustive_fits=30)
 
 
 def test_every_entry_of_a_plan_s_key_is_drawn_as_it_stands_there() -> None:
