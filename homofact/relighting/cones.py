@@ -57,10 +57,12 @@ class LightCones:
         place = (np.arange(count) + 0.5) / count
         return _spiral(self.middle, 1 - (1 - np.cos(self.radius))[:, None] * place, turns)
 
-    def lobe_directions(self, mirror: np.ndarray, width: float, count: int) -> tuple[np.ndarray, np.ndarray]:
-        """(unit directions (S, N, 3), the part (S, N) of the irradiance that each carries): N is `count` + `FEW`.
+    def lobe_directions(
+        self, mirror: np.ndarray, width: float, count: int, few: int = FEW
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """(unit directions (S, N, 3), the part (S, N) of the irradiance that each carries): N is `count` + `few`.
 
-        `count` follow a lobe of a width in radians about `mirror` (S, 3).
+        `count` follow a lobe of a width in radians about `mirror` (S, 3), `few` are spread over the cone.
         """
         reach = min(_REACH * width, _WIDEST)
         whole = reach**2 / (width**2 + reach**2)
@@ -69,9 +71,9 @@ class LightCones:
         solid = math.pi * np.sin(beta) * width * np.sqrt((1 - x) / x) / (1 - x) ** 2 * whole / count
         near = _spiral(mirror, np.broadcast_to(np.cos(beta), (len(mirror), count)))
         inside = np.einsum("snj,sj->sn", near, self.middle) >= np.cos(self.radius)[:, None]
-        far = self.directions(FEW)
+        far = self.directions(few)
         beyond = np.einsum("snj,sj->sn", far, mirror) < math.cos(reach)
-        each = (2 * math.pi * (1 - np.cos(self.radius)) / FEW)[:, None]
+        each = (2 * math.pi * (1 - np.cos(self.radius)) / few)[:, None]
         parts = np.concatenate((solid * inside, each * beyond), 1)
         return np.concatenate((near, far), 1), parts / (math.pi * np.sin(self.radius) ** 2)[:, None]
 

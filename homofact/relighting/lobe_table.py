@@ -39,8 +39,9 @@ from homofact.brdf.tinted import Tinted
 from homofact.geometry.directions import from_spherical
 
 STEEPEST = math.radians(89.7)
-LEVELS, NODES, TURNS = 40, 61, 24
-TURNED_NODES = 41  # with several φo, which make a table large
+LEVELS, NODES = 28, 91
+# With several φo, which make a table large.
+TURNS, TURNED_LEVELS, TURNED_NODES = 24, 40, 41
 PEAK, FARTHEST = 8.0, 20.0
 _WIDTHS = 3.0  # w, in widths of the lobe at half height
 _BROAD = 0.5  # a grid of a larger width holds what is not of the lobe too
@@ -222,13 +223,13 @@ def _small_table(reflectance: Reflectance, width: float) -> LobeTable:
 
 
 def _tabulated(
-    reflectance: Reflectance, width: float, lobe: bool, levels: int = LEVELS, nodes: int | None = None
+    reflectance: Reflectance, width: float, lobe: bool, levels: int | None = None, nodes: int | None = None
 ) -> LobeTable:
     """T on the grid of a width: of the `lobe`, without the least f; or of all of f, without cosθi."""
     symmetry = find_symmetry(reflectance)
     turns = 1 if symmetry.isotropic else TURNS
-    if nodes is None:
-        nodes = NODES if turns == 1 else TURNED_NODES
+    usual = (LEVELS, NODES) if turns == 1 else (TURNED_LEVELS, TURNED_NODES)
+    levels, nodes = usual[0] if levels is None else levels, usual[1] if nodes is None else nodes
     period = math.pi if symmetry.half_turn and turns > 1 else 2 * math.pi
     along = torch.linspace(-1, 1, nodes, dtype=torch.float64)
     u = torch.stack(torch.meshgrid(along, along, indexing="ij"), -1)

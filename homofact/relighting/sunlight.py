@@ -20,7 +20,7 @@ from homofact.brdf.tinted import values_under
 from homofact.meshes.mesh import Mesh
 from homofact.meshes.occlusion import Occluder
 from homofact.meshes.tangents import frames
-from homofact.relighting.cones import LightCones, RoundLight
+from homofact.relighting.cones import FEW, LightCones, RoundLight
 from homofact.relighting.lamps import Lamp
 from homofact.relighting.lit_points import LitPoints, ray_parts
 from homofact.relighting.lobe import PointSight, SurfacePoints
@@ -32,6 +32,8 @@ from homofact.settings.options import option
 RADIUS = 0.2665
 MOST_LIGHTS = 8  # suns and lamps, as the page has them too
 SAMPLES, MOST_SAMPLES, LEAST_DIRECTIONS, MOST_DIRECTIONS = 64, 1024, 16, 64
+# Times as many where a disc is partly hidden: a lobe may mirror its edge.
+_AT_EDGES = 4
 # Of a lobe's area that a cone fills: up to this, its middle is enough. A spiral of few directions is worse than that.
 _ENOUGH = 0.3
 # In radians: the width of the broadest lobe, that of the cosine; narrower cones need no more samples.
@@ -161,29 +163,45 @@ class Sunlight:
         `tint` (S, 3) is that of a texture. A lobe narrower than a disc mirrors one place of it, which may be hidden
         though most of the disc is seen: with `sight`, rays find what of a partly hidden disc each direction sees.
         """
-        found, places = np.zeros((len(seen), 3)), points.mixed(positions.astype(np.float64))
+        found, origins = np.zeros((len(seen), 3)), points.mixed(positions.astype(np.float64))
         for number, light in enumerate(self.lights):
-            lit = np.flatnonzero((seen[:, number] > 0) & (points.wo[:, 2] > 0))
-            count = self.directions(light, positions)
-            for part in ray_parts(len(lit), count):
-                rows, f = lit[part], np.zeros((len(part), 3))
-                cones = light.cones(places[rows])
-                w, parts = self._asked(cones, count, points.frames[rows], points.wo[rows])
-                # Directions above a tilted normal may be under the surface's own horizon.
-                parts = parts * (np.einsum("snj,sj->sn", w, points.normals[rows]) > 0)
-                clear = np.repeat(seen[rows, number, None], w.shape[1], 1)
-                if sight is not None and count > 1 and self.tables[0].cosine:
-                    # The last `FEW` are for what is broad: of them the mean over the disc, which more rays found.
-                    clear[:, :count] = _seen_ways(sight, cones, w[:, :count], rows, seen[rows, number])
-                parts = parts * clear
-                for table in self.tables:
-                    times = np.ones((len(part), 1)) if tint is None else table.under(tint[rows], points.wo[rows])
-                    for k in range(w.shape[1]):
-                        on = np.flatnonzero(parts[:, k])
-                        each = reflected(table, w[on, k], points.frames[rows[on]], points.wo[rows[on]])
-                        f[on] += each * times[on] * parts[on, k, None]
-                found[rows] += f * cones.irradiance
+            own, count = seen[:, number], self.directions(light, positions)
+            lit = (own > 0) & (points.wo[:, 2] > 0)
+            edge = lit & (own < 1) if sight is not None and count == MOST_DIRECTIONS else np.zeros_like(lit)
+            for among, directions in ((lit & ~edge, count), (edge, _AT_EDGES * count)):
+                which = np.flatnonzero(among)
+                for part in ray_parts(len(which), directions):
+                    rows = which[part]
+                    given = points.only(rows), None if tint is None else tint[rows]
+                    near = None if sight is None else sight.only(rows)
+                    found[rows] += self._of_disc(light.cones(origins[rows]), directions, own[rows], *given, near)
         return found
+
+    def _of_disc(
+        self,
+        cones: LightCones,
+        count: int,
+        seen: np.ndarray,
+        points: SurfacePoints,
+        tint: np.ndarray | None,
+        sight: PointSight | None,
+    ) -> np.ndarray:
+        """The light (S, 3) of one light's cones at points that see parts `seen` (S,) of its disc."""
+        w, parts = self._asked(cones, count, points.frames, points.wo)
+        # Directions above a tilted normal may be under the surface's own horizon.
+        parts = parts * (np.einsum("snj,sj->sn", w, points.normals) > 0)
+        if sight is not None and count > 1 and self.tables[0].cosine:
+            parts = parts * _seen_ways(sight, cones, w, seen)
+        else:
+            parts = parts * seen[:, None]
+        f = np.zeros((len(seen), 3))
+        for table in self.tables:
+            times = np.ones((len(seen), 1)) if tint is None else table.under(tint, points.wo)
+            for k in range(w.shape[1]):
+                on = np.flatnonzero(parts[:, k])
+                each = reflected(table, w[on, k], points.frames[on], points.wo[on])
+                f[on] += each * times[on] * parts[on, k, None]
+        return f * cones.irradiance
 
     def _asked(self, cones: LightCones, count: int, rows: np.ndarray, wo: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(directions (S, N, 3) at which f is evaluated, the part (S, N) of the irradiance that each carries)."""
@@ -192,19 +210,20 @@ class Sunlight:
         if count < MOST_DIRECTIONS:
             return cones.directions(count), np.repeat((2 / (1 + np.cos(cones.radius)) / count)[:, None], count, 1)
         mirror = np.einsum("sij,si->sj", rows, wo * np.array([-1.0, -1.0, 1.0]))
-        return cones.lobe_directions(mirror / np.linalg.norm(mirror, axis=1, keepdims=True), self.width, count)
+        mirror /= np.linalg.norm(mirror, axis=1, keepdims=True)
+        return cones.lobe_directions(mirror, self.width, count, FEW * count // MOST_DIRECTIONS)
 
 
-def _seen_ways(sight: PointSight, cones: LightCones, w: np.ndarray, which: np.ndarray, seen: np.ndarray) -> np.ndarray:
-    """What the points numbered `which` (S,) see along directions `w` (S, N, 3) to a light, as (S, N) of 0 and 1.
+def _seen_ways(sight: PointSight, cones: LightCones, w: np.ndarray, seen: np.ndarray) -> np.ndarray:
+    """What points see along directions `w` (S, N, 3) to a light, as (S, N) of 0 and 1.
 
     Rays are sent where a part of the light is `seen` (S,), and neither all nor nothing.
     """
     found = np.repeat(seen[:, None], w.shape[1], 1)
     partly = np.flatnonzero((seen > 0) & (seen < 1))
     ways = w[partly]
-    ends, rays = cones.only(partly).lengths(ways), np.repeat(which[partly], w.shape[1])
-    found[partly] = sight.sees(rays, ways.reshape(-1, 3), ends.reshape(-1)).reshape(ways.shape[:2])
+    ends, which = cones.only(partly).lengths(ways), np.repeat(partly, w.shape[1])
+    found[partly] = sight.sees(which, ways.reshape(-1, 3), ends.reshape(-1)).reshape(ways.shape[:2])
     return found
 
 
