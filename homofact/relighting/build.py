@@ -25,6 +25,7 @@ from homofact.relighting.scene_file import RelightGroundTable, RelightObjectTabl
 from homofact.relighting.sight import most_sight_bytes, sight_words
 from homofact.relighting.smooth_response import mean_albedo, smooth_response
 from homofact.relighting.sunlight import Sunlight
+from homofact.relighting.texel_pattern import texel_note
 from homofact.relighting.tilted_view import TiltedView
 from homofact.scene.file_fits import FileFit, FileFits
 from homofact.scene.materials import Stage
@@ -189,6 +190,9 @@ def open_relight_scene(
             made = factored(reflectance, _lobe_of(placed, table), *rule, light=file.light)
             known[key] = made if placed.bumps is None else made.with_normals(placed.bumps.sines)
         choices.append(TransportChoice(known[key], file.settings))
+    for placed, choice in zip(objects, choices, strict=True):
+        if choice.material.lobe is not None:
+            notes += texel_note(placed.mesh.name, choice.material.lobe.half_width, choice.settings.cube)
     if file.lights:
         choices = _with_sun_tables(objects, choices, stage)
     bounces = None

@@ -1,0 +1,61 @@
+"""The pattern of texels in the mirror image of a sky: where a lobe is narrower than a texel of the cube map.
+
+The light of a lobe is a sum over texels, each at its centre. A lobe narrower than the step d between centres is bright
+where a centre is mirrored and dark between: pictures show a grid of dots. The sum of Gaussians of the standard
+deviation σ at steps of d varies around its mean by
+
+    A = 2 exp(−2π² σ²/d²)
+
+along each axis (the first term of Poisson's summation formula; the next is of fourth order): the brightest dots have
+(1 + A)² of the mean light. The half vector turns half as far as the light: a lobe whose half width at half height is s
+in slopes of h has σ = 2 s/√(2 ln 2). At the middle of a face the step is d = 2/n, the largest.
+
+The error of a picture does not contain the pattern, because its reference is summed over the same texels.
+"""
+
+import math
+
+from homofact.relighting.cube import SIZES
+
+_WORTH_A_NOTE = 0.03
+
+
+def texel_ripple(half_width: float, size: int) -> float:
+    """How much brighter than the mean the brightest dots are, as a part of the lobe's mean light, under an even sky.
+
+    Parameters
+    ----------
+    half_width : float
+        Of the lobe at half height, in slopes of the half vector.
+    size : int
+        Texels along a face of the cube map.
+
+    Returns
+    -------
+    float
+        About 0 for lobes wider than a texel. The law holds up to about 3.
+
+    Examples
+    --------
+    >>> round(texel_ripple(0.02, 64), 4)
+    0.0
+    >>> round(texel_ripple(0.0085, 32), 2)
+    1.88
+    """
+    sigma = 2 * half_width / math.sqrt(2 * math.log(2))
+    return (1 + 2 * math.exp(-2 * (math.pi * sigma * size / 2) ** 2)) ** 2 - 1
+
+
+def texel_note(name: str, half_width: float, size: int) -> tuple[str, ...]:
+    """A line on the pattern in pictures of an object of this name, where it is worth one."""
+    ripple = texel_ripple(half_width, size)
+    if ripple < _WORTH_A_NOTE:
+        return ()
+    finer = [other for other in SIZES if other > size]
+    enough = [other for other in finer if texel_ripple(half_width, other) < _WORTH_A_NOTE]
+    better = enough[:1] or finer[-1:]
+    advice = f"; cube = {better[0]} in [transport] makes it weaker" if better else ""
+    return (
+        f"{name}: its highlight is narrower than a texel of the sky's cube map (cube = {size}), so its light is up to"
+        f" {ripple:.0%} too bright in a pattern of dots, which the stated errors do not contain{advice}",
+    )
