@@ -32,8 +32,8 @@ from homofact.settings.options import option
 RADIUS = 0.2665
 MOST_LIGHTS = 8  # suns and lamps, as the page has them too
 SAMPLES, MOST_SAMPLES, LEAST_DIRECTIONS, MOST_DIRECTIONS = 64, 1024, 16, 64
-# Times as many where a disc is partly hidden: a lobe may mirror its edge.
-_AT_EDGES = 4
+# Where a disc is partly hidden: a lobe may mirror its edge.
+_AT_EDGES = 4 * MOST_DIRECTIONS
 # Of a lobe's area that a cone fills: up to this, its middle is enough. A spiral of few directions is worse than that.
 _ENOUGH = 0.3
 # In radians: the width of the broadest lobe, that of the cosine; narrower cones need no more samples.
@@ -141,14 +141,14 @@ class Sunlight:
         """That of the material's lobe in radians."""
         return min(2 * self.tables[0].half_width, _BROADEST)
 
-    def directions(self, light: RoundLight, positions: np.ndarray) -> int:
+    def directions(self, light: RoundLight, positions: np.ndarray, most: int = MOST_DIRECTIONS) -> int:
         """At how many directions of a cone f is evaluated: one if the cone is narrower than the lobe.
 
-        The same number for the whole object, whose vertices have `positions` (V, 3). With `MOST_DIRECTIONS`, they
-        follow the lobe.
+        The same number for the whole object, whose vertices have `positions` (V, 3). With `most`, they follow the
+        lobe.
         """
         filled = math.pi * (float(light.cones(positions).radius.max()) / self.width) ** 2
-        return 1 if filled <= _ENOUGH else min(max(math.ceil(4 * filled), LEAST_DIRECTIONS), MOST_DIRECTIONS)
+        return 1 if filled <= _ENOUGH else min(max(math.ceil(4 * filled), LEAST_DIRECTIONS), most)
 
     def at(
         self,
@@ -167,47 +167,47 @@ class Sunlight:
         for number, light in enumerate(self.lights):
             own, count = seen[:, number], self.directions(light, positions)
             lit = (own > 0) & (points.wo[:, 2] > 0)
-            edge = lit & (own < 1) if sight is not None and count == MOST_DIRECTIONS else np.zeros_like(lit)
-            for among, directions in ((lit & ~edge, count), (edge, _AT_EDGES * count)):
+            edge = lit & (own < 1) if sight is not None and count > 1 else np.zeros_like(lit)
+            follows = count == MOST_DIRECTIONS, self.directions(light, positions, _AT_EDGES) == _AT_EDGES
+            for among, directions, follow in zip((lit & ~edge, edge), (count, _AT_EDGES), follows, strict=True):
                 which = np.flatnonzero(among)
                 for part in ray_parts(len(which), directions):
                     rows = which[part]
-                    given = points.only(rows), None if tint is None else tint[rows]
-                    near = None if sight is None else sight.only(rows)
-                    found[rows] += self._of_disc(light.cones(origins[rows]), directions, own[rows], *given, near)
+                    cones = light.cones(origins[rows])
+                    w, parts = self._asked(cones, directions, follow, points.frames[rows], points.wo[rows])
+                    # Directions above a tilted normal may be under the surface's own horizon.
+                    parts = parts * (np.einsum("snj,sj->sn", w, points.normals[rows]) > 0)
+                    if sight is not None and count > 1 and self.tables[0].cosine:
+                        parts = parts * _seen_ways(sight.only(rows), cones, w, own[rows])
+                    else:
+                        parts = parts * own[rows, None]
+                    f = self._reflected(w, parts, points.only(rows), None if tint is None else tint[rows])
+                    found[rows] += f * cones.irradiance
         return found
 
-    def _of_disc(
-        self,
-        cones: LightCones,
-        count: int,
-        seen: np.ndarray,
-        points: SurfacePoints,
-        tint: np.ndarray | None,
-        sight: PointSight | None,
+    def _reflected(
+        self, w: np.ndarray, parts: np.ndarray, points: SurfacePoints, tint: np.ndarray | None
     ) -> np.ndarray:
-        """The light (S, 3) of one light's cones at points that see parts `seen` (S,) of its disc."""
-        w, parts = self._asked(cones, count, points.frames, points.wo)
-        # Directions above a tilted normal may be under the surface's own horizon.
-        parts = parts * (np.einsum("snj,sj->sn", w, points.normals) > 0)
-        if sight is not None and count > 1 and self.tables[0].cosine:
-            parts = parts * _seen_ways(sight, cones, w, seen)
-        else:
-            parts = parts * seen[:, None]
-        f = np.zeros((len(seen), 3))
+        """f cosθi (S, 3) of all tables, summed over directions (S, N, 3) with the weights `parts` (S, N)."""
+        f = np.zeros((len(parts), 3))
         for table in self.tables:
-            times = np.ones((len(seen), 1)) if tint is None else table.under(tint, points.wo)
+            times = np.ones((len(parts), 1)) if tint is None else table.under(tint, points.wo)
             for k in range(w.shape[1]):
                 on = np.flatnonzero(parts[:, k])
                 each = reflected(table, w[on, k], points.frames[on], points.wo[on])
                 f[on] += each * times[on] * parts[on, k, None]
-        return f * cones.irradiance
+        return f
 
-    def _asked(self, cones: LightCones, count: int, rows: np.ndarray, wo: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(directions (S, N, 3) at which f is evaluated, the part (S, N) of the irradiance that each carries)."""
+    def _asked(
+        self, cones: LightCones, count: int, follow: bool, rows: np.ndarray, wo: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """(directions (S, N, 3) at which f is evaluated, the part (S, N) of the irradiance that each carries).
+
+        They are spread over the cone, or `follow` the lobe.
+        """
         if count == 1:
             return cones.middle[:, None], np.ones((len(wo), 1))
-        if count < MOST_DIRECTIONS:
+        if not follow:
             return cones.directions(count), np.repeat((2 / (1 + np.cos(cones.radius)) / count)[:, None], count, 1)
         mirror = np.einsum("sij,si->sj", rows, wo * np.array([-1.0, -1.0, 1.0]))
         mirror /= np.linalg.norm(mirror, axis=1, keepdims=True)

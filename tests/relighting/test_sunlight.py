@@ -131,7 +131,8 @@ def test_what_is_seen_of_a_disc_over_an_edge_is_a_segment_s_area() -> None:
     assert turned[:, 0].reshape(-1, 50).mean(1) == pytest.approx(above, abs=0.03)
 
 
-def test_a_narrow_lobe_mirrors_what_is_seen_of_the_place_it_points_at() -> None:
+@pytest.mark.parametrize("exponent", [2000, 150])
+def test_a_narrow_lobe_mirrors_what_is_seen_of_the_place_it_points_at(exponent: float) -> None:
     """The lower half of a disc is hidden: its mirror image is whole in the upper half and black in the lower one."""
     wall = np.array([[0, 1, -100], [0, 1, 100], [0, -100, 100], [0, -100, -100]], float)
     occluder = Occluder(wall, np.array([[0, 1, 2], [0, 2, 3]]))
@@ -152,10 +153,10 @@ def test_a_narrow_lobe_mirrors_what_is_seen_of_the_place_it_points_at() -> None:
     assert ((seen[1:] > 0.2) & (seen[1:] < 0.8)).all()
     exact, sunlight = summed(gloss, [sun], lit, wo, occluder), Sunlight((sun,), sun_tables(gloss), seen)
     found = sunlight.at(points, origins, seen, None, lit.sight(occluder))
-    assert exact[3, 0] < 0.1 * exact[1, 0]
-    assert np.abs(found - exact).max() < 0.012 * exact.max()
+    assert np.abs(found - exact).max() < 0.025 * exact.max()
     # Without rays the mean over the disc is all that is known.
-    assert sunlight.at(points, origins, seen)[3, 0] > 0.3 * exact[1, 0]
+    blurred = sunlight.at(points, origins, seen)
+    assert np.abs(blurred - exact).max() > 0.1 * exact.max()
 
 
 def test_flat_triangles_of_a_round_surface_do_not_shade_themselves() -> None:
