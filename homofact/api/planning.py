@@ -17,7 +17,7 @@ from homofact.planning.settings import PlanSettings
 
 if TYPE_CHECKING:
     from homofact.evaluation.verdict.verdict import Verdict
-    from homofact.planning.plan import ScenePlan
+    from homofact.planning.plan import MaterialPlan, ScenePlan
     from homofact.planning.scene import Scene
     from homofact.relighting.plan import ObjectPlan
 
@@ -52,6 +52,11 @@ class PlanResult:
     def warnings(self) -> Sequence[str]:
         """Tolerances that no choice meets, in sentences."""
         return self.plan.warnings
+
+    @property
+    def missed(self) -> tuple[str, ...]:
+        """Those labels of `verdicts` whose choices miss the tolerance: they are only the closest that was found."""
+        return tuple(_label(each) for each in self.plan.distinct if each.walk.choice and not each.walk.met)
 
     def record(self) -> dict[str, Any]:
         """Return the JSON form."""
@@ -243,11 +248,11 @@ def _is_relighting(scene: Path) -> bool:
 
 def _verdicts(found: "ScenePlan") -> "dict[str, Verdict | None]":
     """The verdicts on the choices, where there is one, by material and choice."""
-    return {
-        f"{material.name}, {material.walk.choice.words}": material.verdict
-        for material in found.distinct
-        if material.walk.choice
-    }
+    return {_label(material): material.verdict for material in found.distinct if material.walk.choice}
+
+
+def _label(material: "MaterialPlan") -> str:
+    return material.name if material.walk.choice is None else f"{material.name}, {material.walk.choice.words}"
 
 
 def _draw(figure: Path, found: "ScenePlan") -> None:

@@ -1,6 +1,6 @@
 """`homofact plan`: no more than a scene needs, by its lighting and a tolerance."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,6 +13,7 @@ from homofact.cli.plan_relight import choice_table as transport_table
 from homofact.cli.plan_tables import choice_table, evidence_table, fetches_in_words, step_table
 from homofact.cli.screen import Screen
 from homofact.cli.verdicts import brief_lines, names_of, noted, strictness
+from homofact.evaluation.wording import part_of_limit
 from homofact.planning.settings import PlanSettings
 from homofact.planning.tolerance import MARGINS, WORDS
 from homofact.settings.options import options_of
@@ -100,15 +101,14 @@ def plan(
 def _show(found: "PlanResult", screen: Screen) -> None:
     plan = found.plan
     steps = step_table(plan)
+    # First of all: nothing below is within the tolerance then.
+    screen.show(*(Text(f"Warning: {line}.", "bold red") for line in found.warnings))
     screen.show(choice_table(plan), *([] if steps is None else [steps]), *map(Text, _reading_lines(plan)))
-    doubts = doubt_line(found.verdicts)
-    if doubts:
+    for doubts in doubt_lines(found.verdicts, found.missed):
         screen.show(Text(doubts, "bold red"))
     screen.show("", evidence_table(plan), *map(Text, _lines(plan, found.against)))
     verdicts = [hanging(line, len("  - " if line.startswith(" ") else "  ")) for line in finding_lines(found.verdicts)]
     screen.show(*([""] if verdicts else []), *verdicts)
-    for line in found.warnings:
-        screen.show(Text(f"Warning: {line}.", "bold red"))
 
 
 def _show_transport(found: "TransportPlan", screen: Screen) -> None:
@@ -119,14 +119,23 @@ def _show_transport(found: "TransportPlan", screen: Screen) -> None:
     screen.note(f"Of all objects: {found.nbytes / 1000:.0f} kB")
 
 
-def doubt_line(verdicts: "Mapping[str, Verdict | None]") -> str:
-    """Return which choices their verdicts warn of, whatever their tolerance says; "" for none."""
+def doubt_lines(verdicts: "Mapping[str, Verdict | None]", missed: Collection[str] = ()) -> list[str]:
+    """Return which choices their verdicts warn of, in a line each on those that meet the tolerance and that miss it.
+
+    `missed` has those labels of `verdicts` whose choices miss the tolerance, and are only the closest that was found.
+    """
     names = [label for label, verdict in verdicts.items() if verdict is not None and not verdict.trusted]
-    if not names:
-        return ""
-    many = len(names) > 1
-    whose, warn = f"the verdict{'s' * many} on {', '.join(names)}", "they warn" if many else "it warns"
-    return f"Before you ship, read {whose} below: {warn} of errors that the tolerance does not cover."
+    met, closest = [name for name in names if name not in missed], [name for name in names if name in missed]
+    lines = []
+    for group, begin, beside in (
+        (met, "Before you ship, read", "that the tolerance does not cover"),
+        (closest, "The tolerance is missed. Read also", "beside the missed limits"),
+    ):
+        if group:
+            many = len(group) > 1
+            whose, warn = f"the verdict{'s' * many} on {', '.join(group)}", "they warn" if many else "it warns"
+            lines.append(f"{begin} {whose} below: {warn} of errors {beside}.")
+    return lines
 
 
 def finding_lines(verdicts: "Mapping[str, Verdict | None]") -> list[str]:
@@ -187,7 +196,8 @@ def _lines(found: "ScenePlan", other: "ScenePlan | None") -> list[str]:
     if found.allocated:
         lines.append(
             f"The choices that meet the tolerance exceed {found.scene.budget.bytes} bytes. The plan distributes these"
-            f" to minimize the picture's error: {found.error:.0%} of the tolerance, weighted by the materials' shares."
+            f" to minimize the picture's error: {part_of_limit(found.error)} of the tolerance, weighted by the"
+            " materials' shares."
         )
     one = found.one_size
     if one is None:

@@ -6,7 +6,7 @@ from rich.table import Table
 from rich.text import Text
 
 from homofact.cli.layout import add_figures, add_names, plain_table
-from homofact.evaluation.wording import counted, figure
+from homofact.evaluation.wording import counted, figure, part_of_limit
 from homofact.planning.tolerance import WORDS
 
 if TYPE_CHECKING:
@@ -15,10 +15,14 @@ if TYPE_CHECKING:
 
 
 def choice_table(found: "ScenePlan") -> Table:
-    """One line per material: what to ship for it, what that costs, and the error that comes nearest to its limit."""
+    """One line per material: the choice, what it costs, and the largest error over its limit.
+
+    The choice is what to ship if it meets the tolerance, else the closest that was found.
+    """
     table = plain_table(headline(found))
     add_names(table, longest=max(len(name_of(each)) for each in found.materials))
-    table.add_column("ship")
+    met = [each.walk.met for each in found.materials]
+    table.add_column("ship" if all(met) else "choice" if any(met) else "closest found")
     add_figures(table, "bytes", "fetches")
     several = len(found.scene.lightings) > 1
     table.add_column("worst error", overflow="fold")
@@ -28,10 +32,11 @@ def choice_table(found: "ScenePlan") -> Table:
         if choice is None or outcome is None:
             table.add_row(name_of(each), Text("nothing fits the budget", "bold red"), "–", "–", "–", "–")
             continue
-        used = Text(f"{outcome.error:.0%}", "bold" if each.walk.met else "bold red")
+        used = Text(part_of_limit(outcome.error), "bold" if each.walk.met else "bold red")
         under = f" under {outcome.lighting}" if several and outcome.lighting else ""
         worst = f"{WORDS[outcome.kind].removeprefix('error of ')} {figure(outcome.value)}{under}"
-        table.add_row(name_of(each), choice.words, str(outcome.bytes), str(outcome.fetches), worst, used)
+        words = choice.words if each.walk.met or not any(met) else f"closest: {choice.words}"
+        table.add_row(name_of(each), words, str(outcome.bytes), str(outcome.fetches), worst, used)
     return table
 
 
@@ -77,7 +82,7 @@ def step_table(found: "ScenePlan") -> Table | None:
 
 
 def _used(one: "Neighbour") -> str:
-    return f"{one.error:.0%}" if one.measured else f"about {one.error:.0%}"
+    return part_of_limit(one.error) if one.measured else f"about {part_of_limit(one.error)}"
 
 
 def _no_better(best: "Neighbour | None") -> tuple[str, str, str]:

@@ -38,12 +38,37 @@ def brief_figure(value: float) -> str:
     return f"{value:.2g}" if value == 0 or 1e-4 <= abs(value) < 100 else f"{value:.1e}"
 
 
+def part_of_limit(ratio: float) -> str:
+    """Return an error over its limit in percent, and from ten times on as a multiple: "87%", "173 ×".
+
+    Examples
+    --------
+    >>> [part_of_limit(ratio) for ratio in (0.874, 9.99, 10.0, 173.46, 2.5e6)]
+    ['87%', '999%', '10 ×', '173 ×', '2.5e+06 ×']
+    """
+    percent = f"{ratio:.0%}"
+    if len(percent) < len("1000%"):
+        return percent
+    return f"{ratio:.0f} ×" if ratio < 1e5 else f"{figure(ratio)} ×"
+
+
 def findings_named(names: Sequence[str]) -> str:
     """Findings by name, as they follow a verdict's sentence: " (noted: coverage, light)"; "" where there is none.
 
     A name that several findings have is named once.
     """
     return f" (noted: {', '.join(dict.fromkeys(names))})" if names else ""
+
+
+def listed(words: Sequence[str]) -> str:
+    """Return words with commas and an "and" before the last.
+
+    Examples
+    --------
+    >>> listed(["one"]), listed(["one", "two"]), listed(["one", "two", "three"])
+    ('one', 'one and two', 'one, two and three')
+    """
+    return " and ".join(filter(None, (", ".join(words[:-1]), *words[-1:])))
 
 
 def counted(number: int, noun: str) -> str:

@@ -24,8 +24,18 @@ from homofact.factor.fitted import Fitted
 from homofact.factor.projection import fixed_projection
 from homofact.factor.quantize import rounded
 from homofact.methods.common import quantized
-from homofact.planning.ladder import SEARCH_SIZES, WHOLE, Candidate, FitOptions, fit_candidate, ladder, method_of
+from homofact.planning.ladder import (
+    LAMBERT,
+    SEARCH_SIZES,
+    WHOLE,
+    Candidate,
+    FitOptions,
+    fit_candidate,
+    ladder,
+    method_of,
+)
 from homofact.planning.theory import Lobes
+from homofact.planning.tolerance import Tolerance
 from homofact.theory.half_curve import half_angle_curve
 from homofact.theory.terms import half_angle_terms
 
@@ -136,3 +146,8 @@ def as_texture(colour: Lambert, training: Samples, epsilon: float) -> Factorizat
     texture = level.expand(2, 2, -1).clone()
     term = Term(fixed_projection("theta_h-theta_d", True), texture, torch.ones(2, 2, dtype=torch.bool))
     return Factorization((term,), transform, colour.channels)
+
+
+def rungs_for(fits: MaterialFits, tolerance: Tolerance) -> tuple[Candidate, ...]:
+    """Return the rungs that are to be told apart under a tolerance."""
+    return tuple(candidate for candidate in fits.rungs if tolerance.of_light or candidate.method != LAMBERT)

@@ -11,7 +11,8 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from homofact.planning.ladder import Candidate
-from homofact.planning.plan import MaterialPlan, ScenePlan, rungs_for
+from homofact.planning.material_fits import rungs_for
+from homofact.planning.plan import MaterialPlan, ScenePlan
 from homofact.planning.search import expected_errors
 
 # An error that was only expected is named where it falls at least to this part of the choice's, for at most so many

@@ -18,13 +18,14 @@ from homofact.evaluation.verdict.verdict import Verdict
 from homofact.planning.allocate import Buyer, allocate
 from homofact.planning.clock import PlanClock
 from homofact.planning.ladder import CONSTANT, LAMBERT, Candidate, FitOptions, fits_among
-from homofact.planning.material_fits import MaterialFits
+from homofact.planning.material_fits import MaterialFits, rungs_for
 from homofact.planning.measure import RepresentationEvaluator, best_colour
+from homofact.planning.missed import missed_words
 from homofact.planning.scene import Budget, Scene, SceneMaterial
 from homofact.planning.search import LadderOutcome, Walk, walk
 from homofact.planning.stage import Stage
 from homofact.planning.theory import order_needed
-from homofact.planning.tolerance import MARGINS, UNLIT, Errors, Tolerance
+from homofact.planning.tolerance import UNLIT, Errors, Tolerance
 
 # Of the lighting's spectrum times the lobe's, what "orders needed" may leave out where the tolerance is no such error.
 USUAL_ERROR = 0.05
@@ -154,23 +155,9 @@ class ScenePlan:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What was not met, in sentences that begin with the material's name."""
-        lines = []
-        for plan in self.distinct:
-            outcome, choice = plan.outcome, plan.walk.choice
-            if outcome is None or choice is None:
-                lines.append(f"{plan.name}: no representation fits the budget")
-            elif not plan.walk.met:
-                limit = dict(plan.tolerance.limits)[outcome.kind]
-                where = f" under {outcome.lighting}" if len(plan.judges) > 1 else ""
-                within = f" within {self.scene.budget.bytes} bytes" if self.allocated else ""
-                margin = MARGINS[outcome.kind]
-                counted = f", {outcome.value * margin:.3g} with the margin of × {margin:g} for other views,"
-                lines.append(
-                    f"{plan.name}: {outcome.kind} {limit:g} cannot be met{where}{within}; the best reachable is"
-                    f" {outcome.value:.3g}{counted if margin > 1 else ''} by {choice.words}"
-                )
-        return tuple(lines)
+        """What was not met: one sentence per material, which begins with its name."""
+        lines = (missed_words(plan, self.scene.budget, self.allocated) for plan in self.distinct)
+        return tuple(line for line in lines if line)
 
 
 def outcome_of(
@@ -232,11 +219,6 @@ def plan_material(
         before=before,
     )
     return MaterialPlan(material, fits, judges, tolerance, walked)
-
-
-def rungs_for(fits: MaterialFits, tolerance: Tolerance) -> tuple[Candidate, ...]:
-    """Return the rungs that are to be told apart under a tolerance."""
-    return tuple(candidate for candidate in fits.rungs if tolerance.of_light or candidate.method != LAMBERT)
 
 
 def plan_scene(

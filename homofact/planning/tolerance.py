@@ -101,10 +101,15 @@ class Tolerance:
         """Whether some limit is on light of the scene: then the lighting matters, and one colour is fitted to it."""
         return any(kind not in UNLIT for kind in self.kinds)
 
+    def uses(self, errors: Errors) -> tuple[Used, ...]:
+        """Return how much of each limit the errors use, in the order of the limits."""
+        return tuple(
+            Used(MARGINS[kind] * errors.of(kind) / limit, kind, errors.of(kind)) for kind, limit in self.limits
+        )
+
     def used(self, errors: Errors) -> Used:
         """Return the limit that the errors use most of."""
-        used = [Used(MARGINS[kind] * errors.of(kind) / limit, kind, errors.of(kind)) for kind, limit in self.limits]
-        return max(used, key=lambda part: part.ratio)
+        return max(self.uses(errors), key=lambda part: part.ratio)
 
     def describe(self) -> str:
         """In words: "mean ΔE at most 1 and largest ΔE at most 10"."""
