@@ -5,7 +5,8 @@ from typing import Any
 
 from homofact.api.loading import load
 from homofact.errors import BadInput
-from homofact.factor.fixed_projections import EDITED, EDITS
+from homofact.factor.edited import edits_in_words
+from homofact.factor.fixed_projections import EDITS
 from homofact.files.kinds import EXPORT, FACTORIZATION
 
 
@@ -41,12 +42,11 @@ def fit_facts(place: Path) -> tuple[str, dict[str, Any], dict[str, Any]] | None:
         "fetches": fit.fetches,
     }
     rows = {name: value for name, value in facts.items() if value is not None}
-    edits = fit.provenance.get(EDITS)
+    if fit.provenance.get(EDITS):
+        facts["edits"] = fit.provenance[EDITS]
+    edits = edits_in_words(fit.provenance)
     if edits:
-        facts["edits"] = edits
-        rows["edits"] = "; ".join(_edit_words(each) for each in edits)
-    elif isinstance(source, dict) and EDITED in source:
-        rows["edits"] = "fitted to a material that was edited before"
+        rows["edits"] = edits
     verdict = fit.verdict
     if verdict is not None:
         facts["verdict"] = {"trusted": verdict.trusted, "summary": verdict.summary}
@@ -58,13 +58,3 @@ def fit_facts(place: Path) -> tuple[str, dict[str, Any], dict[str, Any]] | None:
             stated = f"unknown: {bar.reason}" if bar.error is None else f"{bar.between()} times that of the fit"
             rows[f"total reflected light at {bar.degrees[0]:.0f}°"] = stated
     return place.name, rows, facts
-
-
-def _edit_words(record: dict[str, Any]) -> str:
-    """An edit's angle, where it went, and what it leaves; fits of earlier builds state no error."""
-    from homofact.editing.angles import LETTERS
-
-    made = {"texels": "in the texels", "solve": "by texels solved again", "texture": "as a texture of its own"}
-    angle, way = str(record.get("angle")), str(record.get("way"))
-    words = f"over {LETTERS.get(angle, angle)}, {made.get(way, way)}"
-    return words if "rms" not in record else f"{words}, relative RMS {record['rms']:.2%} against the exact edit"

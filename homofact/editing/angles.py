@@ -34,11 +34,6 @@ RIGHT_ANGLE = math.pi / 2
 ANGLES = (
     "theta_h", "theta_d", "theta_i", "theta_o", "gamma_alpha", "gamma_beta", "theta_r", "theta_x", "theta_y",
 )  # fmt: skip
-LETTERS = {
-    "theta_h": "θh", "theta_d": "θd", "theta_i": "θi", "theta_o": "θo", "gamma_alpha": "γα", "gamma_beta": "γβ",
-    "theta_r": "θr", "theta_x": "θx", "theta_y": "θy",
-}  # fmt: skip
-
 # Angles over which materials have their highlights: bands are finer near 0.
 PEAKED = ("theta_h", "gamma_alpha", "gamma_beta", "theta_r", "theta_x", "theta_y")
 

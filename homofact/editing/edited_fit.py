@@ -29,7 +29,7 @@ from homofact.evaluation.compare import ComparisonRow, fit_and_measure
 from homofact.exporting.as_source import Drawn
 from homofact.factor.factorization import Factorization
 from homofact.factor.fitted import Fitted
-from homofact.factor.fixed_projections import EDITED
+from homofact.factor.fixed_projections import EDITED, EDITED_NAME
 from homofact.geometry.directions import draw_cosine_weighted
 from homofact.methods.fitting import ProgressCallback
 from homofact.methods.search import Search
@@ -103,6 +103,7 @@ def fit_edit(
         for edit in edits_of(own.material, curves):
             applied.append(apply_edit(fit, edit, way, refine))
             fit = applied[-1].fit
+        fit = replace(fit, provenance=fit.provenance | {EDITED_NAME: own.material.name})
         return EditedFit(fit, edited, _rms(fit, edited), tuple(applied))
     for option, given in (("way", way is not None), ("refine", refine != 1)):
         if given:
@@ -133,7 +134,7 @@ def _edited_source(own: EditMaterial, edited: Edited) -> Source:
     now, before = edited.evaluate(samples.wi, samples.wo), start.evaluate(samples.wi, samples.wo)
     # Where nothing was, a sample of noise has no ratio: it takes the edited value itself.
     values = torch.where(before > 0, samples.values * now / before.clamp_min(1e-300), now)
-    about = {EDITED: _curves_record(own.material, edited.curves)}
+    about = {EDITED: _curves_record(own.material, edited.curves), EDITED_NAME: own.material.name}
     samples = replace(
         samples, values=values, isotropic=samples.isotropic and not turns, provenance=samples.provenance | about
     )

@@ -12,9 +12,10 @@ import torch
 from torch import Tensor
 
 from homofact.brdf.in_kind import answering_in_kind
-from homofact.editing.angles import LETTERS, PEAKED, angle, check_angle
+from homofact.editing.angles import PEAKED, angle, check_angle
 from homofact.editing.curves import BANDS, Bands, Curve, banded
 from homofact.errors import BadInput
+from homofact.factor.edited import LETTERS
 from homofact.geometry.directions import above_horizon
 
 Quotient = Callable[[Tensor, Tensor], Tensor]

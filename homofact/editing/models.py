@@ -37,10 +37,10 @@ from homofact.brdf.analytic.torrance_sparrow import TorranceSparrow
 from homofact.brdf.analytic.ward import Ward
 from homofact.brdf.reflectance import Reflectance
 from homofact.editing import starts
-from homofact.editing.angles import LETTERS
 from homofact.editing.curves import flat
 from homofact.editing.material import Editable, EditableTerm, Quotient, Sliders, Slot
 from homofact.errors import BadInput
+from homofact.factor.edited import LETTERS
 
 DIFFUSE, SPECULAR, WHOLE = "diffuse", "specular", "whole"
 

@@ -25,14 +25,15 @@ import torch
 from torch import Tensor
 
 from homofact.brdf.reflectance import Reflectance
-from homofact.editing.angles import LETTERS, angle, check_angle
+from homofact.editing.angles import angle, check_angle
 from homofact.editing.curves import Bands, band_place
 from homofact.editing.material import Editable, Place
 from homofact.editing.pairs import pairs_of
 from homofact.editing.texel_angles import angles_of_texels
 from homofact.errors import BadInput
+from homofact.factor.edited import LETTERS
 from homofact.factor.factorization import Factorization, Term
-from homofact.factor.fixed_projections import EDITS
+from homofact.factor.fixed_projections import EDITED_NAME, EDITS
 from homofact.factor.projection import fixed_projection
 from homofact.factor.textures import LogSamples, solve_terms
 from homofact.geometry.directions import draw_cosine_weighted
@@ -195,7 +196,8 @@ def undo_edit(fit: Factorization) -> Factorization:
         terms = _by_solving(fit, edit, -1).terms
     else:
         raise BadInput(where="undo", found=f"the way {way!r}", expected=f"one of {', '.join(WAYS)}")
-    provenance = {name: value for name, value in fit.provenance.items() if name != PROVENANCE}
+    gone = (PROVENANCE,) if earlier else (PROVENANCE, EDITED_NAME)
+    provenance = {name: value for name, value in fit.provenance.items() if name not in gone}
     return replace(fit, terms=terms, provenance=provenance | ({PROVENANCE: earlier} if earlier else {}))
 
 

@@ -5,6 +5,8 @@ from homofact.geometry.names import COORDINATE_NAMES
 BOUNDS = ("disc", "cube")
 # Under which a fit's provenance keeps the edits that its textures were given, and its samples' that of its material.
 EDITS, EDITED = "edits", "edited"
+# What the edited material is called in its scene, beside either.
+EDITED_NAME = "edited_name"
 
 # Fixed projections: coordinates and the axes that become the texture's columns and rows.
 FIXED_AXES = {

@@ -26,6 +26,7 @@ import numpy as np
 from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.source_names import MOST
 from homofact.errors import Advice, BadInput
+from homofact.factor.edited import edited_name, edits_in_words
 from homofact.factor.evaluation import Evaluated, Evaluation, TextureLookup, evaluation_of
 from homofact.files.words import on_one_line
 from homofact.geometry.axes import Coordinates, coordinates_of, gathered
@@ -308,8 +309,15 @@ def _title(fitted: Evaluated, layers: int) -> tuple[str, ...]:
 def name_of(provenance: Mapping[str, Any]) -> str:
     """Return what a fit was made from, as its provenance tells: a material's or a file's name, else "samples".
 
+    An edited fit is called "edited gold", and "edited gold (ball)" where its scene calls the material something else,
+    so that exports of the fit and of its original have different names.
+
     On one line and `harmless`: every text that names the fit can be written as UTF-8 and as XML.
     """
     source = provenance.get("source")
     source = source if isinstance(source, Mapping) else {}
-    return on_one_line(str(source.get("material") or source.get("file") or "samples")) or "samples"
+    name = on_one_line(str(source.get("material") or source.get("file") or "samples")) or "samples"
+    if not edits_in_words(provenance):
+        return name
+    called = edited_name(provenance)
+    return f"edited {name}" + (f" ({called})" if called and called != name else "")

@@ -19,7 +19,6 @@ import numpy as np
 
 from homofact.brdf.wavelengths import wavelengths_of
 from homofact.editing import basis, curves_file, furnace
-from homofact.editing.angles import LETTERS
 from homofact.editing.curves import band_of
 from homofact.editing.enlarged import sky_behind
 from homofact.editing.errors import rank_errors
@@ -31,6 +30,7 @@ from homofact.editing.page.quotients import quotient_table
 from homofact.editing.scene import PreparedScene, PreparedTerm
 from homofact.editing.sender_albedo import mean_weights
 from homofact.errors import BadInput
+from homofact.factor.edited import LETTERS
 from homofact.meshes.mesh import Mesh
 from homofact.rendering.light import EnvironmentMap
 from homofact.scene.lighting import Lighting, texel_directions

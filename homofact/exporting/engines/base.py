@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from importlib.resources import files
+from typing import Any
 
 import numpy as np
 
@@ -10,7 +11,9 @@ from homofact.brdf.reflectance import Reflectance
 from homofact.errors import BadInput
 from homofact.exporting.engine_light import UnderSkies
 from homofact.exporting.exported import Exported
+from homofact.factor.edited import edits_in_words
 from homofact.files.template import AT, filled
+from homofact.files.words import in_markdown
 from homofact.shading.encoding import Encoded
 
 
@@ -45,6 +48,12 @@ def check_colour(made: Exported, engine: str) -> None:
     channels = made.stored.channels
     if len(channels) not in (1, 3):
         raise BadInput(where=engine, found=f"channels {', '.join(channels)}", expected="R, G, B or one alone")
+
+
+def edits_note(provenance: Mapping[str, Any]) -> str:
+    """Return a paragraph of Markdown that names the edits of a fit, with the empty line before it; "" for none."""
+    edits = edits_in_words(provenance)
+    return f"\n\nThe fit was edited: {in_markdown(edits)}." if edits else ""
 
 
 def template_text(name: str) -> str:

@@ -13,7 +13,7 @@ import numpy as np
 
 from homofact.brdf.analytic.metallic_roughness import MetallicRoughness
 from homofact.exporting.as_source import knows_no_azimuth
-from homofact.exporting.engines.base import Added, Engine, check_colour, template
+from homofact.exporting.engines.base import Added, Engine, check_colour, edits_note, template
 from homofact.exporting.exported import Exported
 from homofact.exporting.gltf_fit import fit_metallic_roughness
 from homofact.exporting.look_alike import LEAST_PSNR, MOST_ALBEDO, AddedLookAlike, Likeness, likeness
@@ -36,18 +36,20 @@ def _files(made: Exported) -> Added:
     look = fit_metallic_roughness(made.stored, knows_no_azimuth(made.stored))
     found = likeness(look, made.stored)
     name = name_of(made.stored.provenance)
-    files = {NAME: glb(look, name, note=found.phrase), README: readme(look, name, found)}
+    text = readme(look, name, found, edits_note(made.stored.provenance))
+    files = {NAME: glb(look, name, note=found.phrase), README: text}
     return AddedLookAlike(files, {"look-alike": look}, likeness=found)
 
 
-def readme(look: MetallicRoughness, name: str, found: Likeness) -> str:
-    """Return the text of README.md: what the look-alike is, what it is not, and its errors."""
+def readme(look: MetallicRoughness, name: str, found: Likeness, edits: str = "") -> str:
+    """Return the text of README.md: what the look-alike is, what it is not, its errors, and `edits` as `edits_note`."""
     rows = [f"| {label} | {value} |" for label, value in _numbers(look)]
     extensions = sorted(extensions_of(look))
     return template(
         "gltf.md",
         NAME=in_markdown(name),
         PHRASE=found.phrase,
+        EDITS=edits,
         PARAMETERS="\n".join(rows),
         EXTENSIONS=f"{', '.join(extensions)}. A viewer that lacks one shows something less like the fit"
         * bool(extensions)

@@ -1,0 +1,49 @@
+"""What a fit's provenance tells of its edits, for people: the name of the material that was edited, and each edit."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from homofact.factor.fixed_projections import EDITED, EDITED_NAME, EDITS
+from homofact.files.words import on_one_line
+
+# The angles that curves are over, as people write them.
+LETTERS = {
+    "theta_h": "θh", "theta_d": "θd", "theta_i": "θi", "theta_o": "θo", "gamma_alpha": "γα", "gamma_beta": "γβ",
+    "theta_r": "θr", "theta_x": "θx", "theta_y": "θy",
+}  # fmt: skip
+_WAYS = {"texels": "in the texels", "solve": "by texels solved again", "texture": "as a texture of its own"}
+
+
+def edits_in_words(provenance: Mapping[str, Any]) -> str:
+    """Return what was edited, each edit with its error; "" for a fit that was not edited.
+
+    Examples
+    --------
+    >>> edits_in_words({"edits": [{"angle": "theta_h", "way": "texels", "rms": 0.0123}]})
+    'over θh, in the texels, relative RMS 1.23% against the exact edit'
+    >>> edits_in_words({})
+    ''
+    """
+    edits = provenance.get(EDITS)
+    if edits:
+        return "; ".join(_words(each) for each in edits) if isinstance(edits, list | tuple) else "edited"
+    return "fitted to a material that was edited before" if EDITED in _source(provenance) else ""
+
+
+def edited_name(provenance: Mapping[str, Any]) -> str:
+    """Return what the edited material is called in its scene, "" where that is not known."""
+    return on_one_line(str(provenance.get(EDITED_NAME) or _source(provenance).get(EDITED_NAME) or ""))
+
+
+def _source(provenance: Mapping[str, Any]) -> Mapping[str, Any]:
+    source = provenance.get("source")
+    return source if isinstance(source, Mapping) else {}
+
+
+def _words(record: Any) -> str:
+    """An edit's angle, where it went, and what it leaves; fits of earlier builds state no error."""
+    if not isinstance(record, Mapping):
+        return "edited"
+    angle, way, rms = str(record.get("angle")), str(record.get("way")), record.get("rms")
+    words = f"over {LETTERS.get(angle, angle)}, {_WAYS.get(way, way)}"
+    return f"{words}, relative RMS {rms:.2%} against the exact edit" if isinstance(rms, int | float) else words
