@@ -142,7 +142,10 @@ def _next_line(folder: Path, engine: str | None, files: Sequence[str]) -> str | 
 def _warnings(found: ExportResult) -> list[str]:
     """What to beware of."""
     why = found.caution if found.source_found else f"no error on samples: {found.caution}; --source names it"
-    told = [part.warning for part in (found.likeness, found.light) if part is not None]
+    told = [
+        "" if found.likeness is None else found.likeness.warning_of(found.prefiltered is not None),
+        "" if found.light is None else found.light.warning,
+    ]
     return [each for each in (why if found.caution else "", *told) if each]
 
 

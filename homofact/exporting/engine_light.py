@@ -94,7 +94,7 @@ class EngineLight(UnderSkies):
     errors: Mapping[str, float]
     poor = (
         "under small bright lights the engine's own sky holds this material's lobes within {worst} only;"
-        " `prefilter='SKY'` filters a sky for it"
+        " light it by lamps of the scene instead, which the fit itself reflects"
     )
 
     @property
@@ -131,7 +131,7 @@ class ClosureLight(UnderSkies):
     errors: Mapping[str, float]
     poor = (
         "under small bright lights the closures hold this material's lobes within {worst} only;"
-        " `engine='three'` with `prefilter='SKY'`, and the Mitsuba plugin, show the fit itself under skies"
+        " the Mitsuba plugin shows the fit itself under skies"
     )
 
     def record(self) -> dict[str, Any]:

@@ -51,11 +51,17 @@ class Likeness:
     @property
     def warning(self) -> str:
         """What is wrong, and which exports show the fit itself; empty unless `poor`."""
+        return self.warning_of(prefiltered=False)
+
+    def warning_of(self, prefiltered: bool) -> str:
+        """Return `warning`, without the advice to filter a sky where the export has one already."""
         if not self.poor:
             return ""
         sky = f"{_picture(self.appearance.psnr_sky)} under a sky"
         shown = f"the look-alike differs visibly from the fit: {_picture(self.appearance.psnr_light)} under a lamp, "
-        remedy = "`engine='three'` shows the fit itself, and `prefilter='SKY'` writes it for shaders of your own"
+        remedy = "`engine='three'` shows the fit itself"
+        if not prefiltered:
+            remedy += ", and `prefilter='SKY'` writes it for shaders of your own"
         return f"{shown}{sky}, {self._albedo_words}; {remedy}"
 
     @property

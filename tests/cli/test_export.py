@@ -324,7 +324,7 @@ def test_an_engine_gets_its_files_and_the_likeness_of_a_look_alike_is_said(
     shown = " ".join(streams.out.split())
     assert f"a sum of 3 closures with tables of {off.closures.nbytes} bytes." in shown
     assert "A sphere is off by 2.0% (a sky), 17.0% (a sun), relative RMS" in shown
-    assert "the closures hold this material's lobes within 17% only; --engine three with --prefilter SKY" in streams.err
+    assert "the closures hold this material's lobes within 17% only; the Mitsuba plugin shows" in streams.err
     names = {path.name for path in (tmp_path / "out").iterdir()}
     assert {"brdf_blender.py", "notes.txt"} <= names
     # What is said to be in the folder is all that was written to it.

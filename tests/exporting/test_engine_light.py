@@ -37,7 +37,7 @@ def test_a_matte_material_is_held_and_a_retroreflector_is_warned_of() -> None:
     lost = engine_light(back, KERNELS)
     assert lost.worst > 3 * module.POOR
     assert f"{lost.worst:.0%}" in lost.warning
-    assert "prefilter" in lost.warning
+    assert "lamps of the scene" in lost.warning
     assert np.isfinite(lost.texels).all()
 
 
@@ -56,7 +56,10 @@ def test_what_is_said_is_what_was_measured() -> None:
 def test_an_error_above_a_tenth_is_warned_of() -> None:
     made = light_of(LAMBERT, KERNELS)
     assert replace(made, errors={"room": 0.02, "sun": 0.099}).warning == ""
-    assert "11%" in replace(made, errors={"room": 0.02, "sun": 0.112}).warning
+    poor = replace(made, errors={"room": 0.02, "sun": 0.112}).warning
+    assert "11%" in poor
+    # Engines with their own sky do not read the files of a filtered one.
+    assert "prefilter" not in poor
 
 
 @pytest.mark.slow

@@ -61,6 +61,8 @@ def test_the_warning_says_what_shows_the_fit() -> None:
     )
     assert "`engine='three'` shows the fit itself" in found
     assert "`prefilter='SKY'`" in found
+    given = case(1.416, 28.0, 31.4).warning_of(prefiltered=True)
+    assert given.endswith("`engine='three'` shows the fit itself")
 
 
 def test_it_is_measured_against_the_fit() -> None:
