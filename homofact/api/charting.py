@@ -218,7 +218,6 @@ class _Charting:
         self, name: str, source: "Source", ledger: "ChartLedger", estimate: "TimeEstimate", kept: list[int]
     ) -> SourceChart:
         from homofact.evaluation.chart import run_chart
-        from homofact.evaluation.estimate import about
         from homofact.figures.chart import write_charts
 
         before, total = kept[0], len(self.runs) * len(self.sources)
@@ -227,7 +226,7 @@ class _Charting:
         def started(place: int, run: "Run") -> None:
             nonlocal began
             began, kept[0] = time.perf_counter(), before + place
-            self.steps.run(f"{source.name}: {run.name}, {about(estimate.seconds_left)} left", kept[0], total)
+            self.steps.run(f"{source.name}: {run.name}", kept[0], total, estimate.seconds_left)
 
         def ended(place: int, row: "ChartRow") -> None:
             # The row's own seconds also count a search that an earlier fit did.

@@ -326,14 +326,13 @@ class _Comparison:
         count: int,
     ) -> bool:
         """Add the fits of every method to `rows`; whether Ctrl-C ended them: passed on where nothing at all is done."""
-        from homofact.evaluation.estimate import about
         from homofact.evaluation.seeds import fit_seeds
 
         runs = count * len(self.fits) * len(self.seeds)
         for label, fit in self.fits.items():
             of = f"{source.name}, {label}" if count > 1 else label
             # As soon as a fit is done, progress reckons the time itself.
-            self.steps.run(of if estimate.done else f"{of}, {about(estimate.seconds_left)} left", estimate.done, runs)
+            self.steps.run(of, estimate.done, runs, None if estimate.done else estimate.seconds_left)
             try:
                 rows[label] = fit_seeds(source, fit, self.seeds, self.held_out, self.steps, subset, self.split_seed)
             except KeyboardInterrupt:

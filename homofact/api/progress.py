@@ -4,6 +4,7 @@ homofact.compare("paint.brdf", progress=lambda step: print(step.stage, step.done
 """
 
 import math
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -19,7 +20,7 @@ WORTH_SAYING = 5.0  # seconds that a call may take without saying so
 class ProgressStep:
     """Where a call is: the `stage` in words, `done` of `total` parts (None where nobody knows), and `figures` of a fit.
 
-    `left` are the seconds that are expected to be left, None where only the parts tell.
+    `left` are the seconds that are expected to be left, 0 or less where it takes longer; None where only the parts tell.
     A step with a `note` is a sentence for the user, and moves nothing; a `passing` one explains a wait and is of no use
     afterwards.
     """
@@ -43,21 +44,22 @@ class ProgressSteps:
         """Take the callback."""
         self._progress = progress
         self._stage, self._done, self._runs = "", 0, 1
+        self._end: float | None = None  # when the call is expected to end, where a run was given its `left`
 
     def stage(self, name: str) -> None:
         """Begin a stage of unknown length."""
-        self._stage, self._done, self._runs = name, 0, 1
+        self._begin(name, 0, 1)
         self._say(ProgressStep(name))
 
     def expect(self, name: str, passed: float, left: float) -> None:
         """Begin a stage of a call that has taken `passed` seconds and is expected to take `left` more."""
-        self._stage, self._done, self._runs = name, 0, 1
+        self._begin(name, 0, 1)
         self._say(ProgressStep(name, passed, passed + left, left=left))
 
-    def run(self, name: str, done: int, runs: int) -> None:
-        """Begin one of several runs, of which `done` are behind it."""
-        self._stage, self._done, self._runs = f"{done + 1}/{runs} {name}", done, runs
-        self._say(ProgressStep(self._stage, done, runs))
+    def run(self, name: str, done: int, runs: int, left: float | None = None) -> None:
+        """Begin one of several runs, of which `done` are behind it; all that remain are expected to take `left` seconds."""
+        self._begin(f"{done + 1}/{runs} {name}", done, runs, left)
+        self._say(ProgressStep(self._stage, done, runs, left=left))
 
     def note(self, text: str, passing: bool = False) -> None:
         """Say a sentence."""
@@ -86,7 +88,12 @@ class ProgressSteps:
         if self._runs == 1:
             self._say(ProgressStep(words, done, at.terms, figures))
         else:
-            self._say(ProgressStep(words, self._done + done / max(at.terms, 1), self._runs, figures))
+            left = None if self._end is None else self._end - time.monotonic()
+            self._say(ProgressStep(words, self._done + done / max(at.terms, 1), self._runs, figures, left=left))
+
+    def _begin(self, stage: str, done: int, runs: int, left: float | None = None) -> None:
+        self._stage, self._done, self._runs = stage, done, runs
+        self._end = None if left is None else time.monotonic() + left
 
     def _say(self, step: ProgressStep) -> None:
         if self._progress is not None:

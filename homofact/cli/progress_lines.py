@@ -61,14 +61,23 @@ class ProgressLines:
             parts.append(step.figures)
         gone = step.done - self._first
         if step.left is not None:
-            # Beyond what was expected nothing is known.
-            left = step.left - (time.monotonic() - self._taken)
-            parts.append(f"about {duration(left)} left" if left > 0 else "longer than expected")
+            parts.append(time_left(step.left - (time.monotonic() - self._taken)))
         elif step.total is not None and gone > 0:
             parts.append(f"about {duration(passed * (step.total - step.done) / gone)} left")
         elif passed >= EVERY:
             parts.append(f"for {duration(passed)}")
         return ", ".join(parts)
+
+
+def time_left(seconds: float) -> str:
+    """Return the seconds that are expected to be left, in words; beyond what was expected nothing is known.
+
+    Examples
+    --------
+    >>> time_left(40), time_left(-3)
+    ('about 40 s left', 'longer than expected')
+    """
+    return f"about {duration(seconds)} left" if seconds > 0 else "longer than expected"
 
 
 def duration(seconds: float) -> str:

@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from rich.console import Console, ConsoleOptions, RenderableType
-from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import BarColumn, Task, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.progress import Progress as ProgressBar
 from rich.segment import Segment
 from rich.table import Table
@@ -22,7 +22,7 @@ from rich.text import Text
 from homofact.api.progress import Progress, ProgressStep, ProgressSteps
 from homofact.cli.flags import with_options
 from homofact.cli.interrupts import told
-from homofact.cli.progress_lines import ProgressLines, duration
+from homofact.cli.progress_lines import ProgressLines, time_left
 from homofact.errors import Report, Status
 from homofact.files.plain import plain
 from homofact.files.words import harmless
@@ -49,6 +49,14 @@ class _Console(Console):
     def on_broken_pipe(self) -> None:
         """The reader has gone."""
         raise BrokenPipeError
+
+
+class _TimeLeft(TimeRemainingColumn):
+    """The time that a step expects to be left; rich's own, from the rate of the parts, where it expects none."""
+
+    def render(self, task: Task) -> Text:
+        """Return one of the two times."""
+        return Text(task.fields["expected"]) if task.fields["expected"] else super().render(task)
 
 
 class Screen:
@@ -111,18 +119,20 @@ class Screen:
             BarColumn(bar_width=None),
             TextColumn("{task.fields[figures]}", markup=False),
             TimeElapsedColumn(),
-            TimeRemainingColumn(),
+            _TimeLeft(),
         )
         # transient: a finished bar says nothing that the table does not.
         with ProgressBar(*columns, console=self._err, transient=True, expand=True) as bar:
-            task = bar.add_task("", total=None, figures="")
+            task = bar.add_task("", total=None, figures="", expected="")
 
             def show(step: ProgressStep) -> None:
                 self._say(step)
                 if not step.note:
-                    left = "" if step.left is None else f"about {duration(step.left)} left"
-                    figures = ", ".join(filter(None, (step.figures, left)))
-                    bar.update(task, description=step.stage, figures=figures, total=step.total, completed=step.done)
+                    expected = "" if step.left is None else time_left(step.left)
+                    bar.update(
+                        task, description=step.stage, figures=step.figures, expected=expected, total=step.total,
+                        completed=step.done,
+                    )  # fmt: skip
 
             yield show
 

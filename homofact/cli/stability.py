@@ -52,7 +52,6 @@ def stability(
     if document is not None:
         check_file(document, ".md")
 
-    from homofact.evaluation.estimate import about
     from homofact.evaluation.machine import machine
     from homofact.methods.table import METHODS
     from homofact.stability.atlas import Plan, estimate_atlas, run_atlas, write_csv
@@ -74,7 +73,7 @@ def stability(
         def started(done: int, runs: int, name: str) -> None:
             if done > 0:
                 estimate.finish_first(done, time.perf_counter() - began)
-            bar.run(f"{name}, {about(estimate.seconds_left)} left", done, runs)
+            bar.run(name, done, runs, estimate.seconds_left)
 
         # What an interrupted run leaves; an atlas that is there stays until the new one is whole.
         unfinished = out / "unfinished.csv"

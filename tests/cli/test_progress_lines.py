@@ -1,5 +1,8 @@
 """Lines that say where a command is: the first after some seconds, then now and then, none of a short command."""
 
+import io
+import math
+import re
 import subprocess
 import sys
 import time
@@ -7,14 +10,18 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from rich.console import Console
+from rich.text import Text
 
+from homofact.api.charting import chart
 from homofact.api.factorizing import factorize
-from homofact.api.progress import ProgressStep
+from homofact.api.progress import ProgressStep, ProgressSteps
 from homofact.brdf.analytic.lambert import Lambert
 from homofact.brdf.sampling import sample_model
 from homofact.cli import progress_lines
 from homofact.cli.progress_lines import ProgressLines, duration
 from homofact.cli.screen import PROGRESS, Screen
+from homofact.methods.fitting import FitProgress
 from homofact.methods.mccool import McCool
 
 
@@ -173,3 +180,51 @@ def test_factorize_says_how_long_its_fits_take(tmp_path: Path, monkeypatch: pyte
     factorize(given, tmp_path / "o", method, progress=lambda step: notes.append(step.note))
     # McCool's own projections are fitted beside these.
     assert "2 fits, under 10 s" in notes
+
+
+def test_a_run_with_an_expected_time_prints_one_time_and_keeps_it_during_its_fits(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    now = [0.0]
+    for module in ("homofact.cli.progress_lines", "homofact.api.progress"):
+        monkeypatch.setattr(f"{module}.time", SimpleNamespace(monotonic=lambda: now[0]))
+    lines: list[str] = []
+    with ProgressLines(lines.append).running() as show:
+        steps = ProgressSteps(show)
+        steps.run("paint: mccool", 0, 4, left=80)
+        now[0] = 30
+        steps(FitProgress(2, 2, 1, 1, 7, math.inf))
+        until(lines, len(lines) + 2)
+        assert lines[-1] == "1/4 paint: mccool: term 2/2, restart 1/1, 7 evaluations, about 50 s left"
+        # A run without an expected time forgets that of the one before: a quarter took 60 s.
+        steps.run("paint: search", 0, 4)
+        now[0] = 90
+        steps.run("paint: search", 1, 4)
+        until(lines, len(lines) + 2)
+        assert lines[-1] == "2/4 paint: search, about 3 min left"
+
+
+def test_a_chart_expects_one_time_for_all_its_runs(tmp_path: Path) -> None:
+    steps: list[ProgressStep] = []
+    chart("material:lafortune-clay", tmp_path, ["mccool"], sizes=[2, 3], progress=steps.append)
+    runs = [step for step in steps if re.match(r"\d/2 ", step.stage)]
+    assert {step.stage[:3] for step in runs} == {"1/2", "2/2"}
+    assert all(step.left is not None and "left" not in step.stage for step in runs)
+
+
+def test_the_bar_of_a_terminal_shows_one_time() -> None:
+    terminal = io.StringIO()
+    screen = Screen(False, False)
+    screen._err = Console(file=terminal, force_terminal=True, width=120)
+    drawn = []
+    with screen.progress() as show:
+        # Rich draws anew what has not begun twice a second.
+        for left in (40.0, None):
+            show(ProgressStep("1/9 paint", 0, 9, "7 evaluations", left=left))
+            time.sleep(0.8)
+            # A terminal shows the last of the drawings, each of which goes back to the start of its line.
+            drawn.append(Text.from_ansi(terminal.getvalue()).plain.splitlines()[-1])
+    # Beside the time that has passed, the one that is expected, or else rich's own, which knows nothing yet.
+    assert drawn[0].count("about 40 s left") == 1
+    assert [len(re.findall(r"\d:\d\d:\d\d|-:--", line)) for line in drawn] == [1, 2]
+    assert "left" not in drawn[1]
