@@ -145,6 +145,22 @@ def test_the_latex_is_what_a_parser_of_latex_reads() -> None:
     assert latex.splitlines()[0].endswith("2 sources and 2 seeds (0, 1), on held-out samples.")
 
 
+@pytest.mark.parametrize(
+    ("means", "head", "both"),
+    [
+        ((92426.0, 7574.0), "LogMSE", "50000 ± 60000"),
+        ((924260.0, 75740.0), "LogMSE(10^5)", "5 ± 6"),
+        ((0.004, 0.002), "LogMSE", "0.0030 ± 0.0014"),
+        ((0.0004, 0.0002), "LogMSE(10^-4)", "3.0 ± 1.4"),
+    ],
+)
+def test_a_column_has_a_power_of_ten_only_where_its_numbers_need_one(
+    means: tuple[float, float], head: str, both: str
+) -> None:
+    first, row = cells(latex_of([fit("paint", "search", seed, 4, mean) for seed, mean in enumerate(means)]))
+    assert (first[3].replace(" ", ""), row[3].strip()) == (head, both)
+
+
 @pytest.mark.parametrize("name", ALL_METHODS)
 def test_latex_writes_each_method_as_papers_do(name: str) -> None:
     (_, row) = cells(latex_of([fit("paint", name, 0, 4, 1.0)]))
