@@ -20,7 +20,8 @@ WORTH_SAYING = 5.0  # seconds that a call may take without saying so
 class ProgressStep:
     """Where a call is: the `stage` in words, `done` of `total` parts (None where nobody knows), and `figures` of a fit.
 
-    `left` are the seconds that are expected to be left, 0 or less where it takes longer; None where only the parts tell.
+    `left` are the seconds that are expected to be left, 0 or less where it takes longer, None where only the parts
+    tell.
     A step with a `note` is a sentence for the user, and moves nothing; a `passing` one explains a wait and is of no use
     afterwards.
     """
@@ -57,7 +58,7 @@ class ProgressSteps:
         self._say(ProgressStep(name, passed, passed + left, left=left))
 
     def run(self, name: str, done: int, runs: int, left: float | None = None) -> None:
-        """Begin one of several runs, of which `done` are behind it; all that remain are expected to take `left` seconds."""
+        """Begin one of several runs, of which `done` are behind it and the others are expected to take `left` seconds."""
         self._begin(f"{done + 1}/{runs} {name}", done, runs, left)
         self._say(ProgressStep(self._stage, done, runs, left=left))
 
@@ -85,10 +86,10 @@ class ProgressSteps:
         best = f" best {at.best:.4g}" if math.isfinite(at.best) else ""
         words = f"{self._stage}: term {at.term}/{at.terms}, restart {at.restart}/{at.restarts}"
         figures = f"{at.evaluations} evaluations{best}"
+        left = None if self._end is None else self._end - time.monotonic()
         if self._runs == 1:
-            self._say(ProgressStep(words, done, at.terms, figures))
+            self._say(ProgressStep(words, done, at.terms, figures, left=left))
         else:
-            left = None if self._end is None else self._end - time.monotonic()
             self._say(ProgressStep(words, self._done + done / max(at.terms, 1), self._runs, figures, left=left))
 
     def _begin(self, stage: str, done: int, runs: int, left: float | None = None) -> None:

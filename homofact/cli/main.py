@@ -60,8 +60,20 @@ _RENAMED = {
 }
 
 
+def _plain_flags(params: list[Any]) -> list[Any]:
+    """Options whose flags name no type in the help: they take no value."""
+    for each in params:
+        if getattr(each, "is_flag", False) and each.metavar is None:
+            each.metavar = ""
+    return params
+
+
 class _Command(TyperCommand):
     """A command whose --help-all is its --help, unless it hides options and has a --help-all of its own."""
+
+    def get_params(self, ctx: Any) -> list[Any]:
+        """Return the options, of which flags name no type."""
+        return _plain_flags(super().get_params(ctx))
 
     def get_help_option_names(self, ctx: Any) -> list[str]:
         """Return the words that ask for help, always in the same order."""
@@ -103,6 +115,10 @@ class _Group(TyperGroup):
     def __init__(self, **attributes: Any) -> None:
         super().__init__(**attributes)
         self.commands: Any = _Commands(self.rows)
+
+    def get_params(self, ctx: Any) -> list[Any]:
+        """Return the options, of which flags name no type."""
+        return _plain_flags(super().get_params(ctx))
 
     def list_commands(self, ctx: Any) -> list[str]:
         """Return the names in the order of the help."""

@@ -227,14 +227,18 @@ def chart_table(title: str, records: Sequence[Mapping[str, Any]], base: float | 
 
 
 def facts_table(title: str, facts: Mapping[str, Any]) -> Table:
-    """Return names and values, without those that are empty; values wrap in their column."""
+    """Return names and values, without those that are empty; values wrap in their column.
+
+    An underscore in a fact's own name becomes a space. A name with spaces contains another, such as that of a file: it
+    is printed as it is.
+    """
     table = plain_table(title)
     table.show_header = False
     add_names(table)
     table.add_column("", overflow="fold")
     for name, value in facts.items():
         if value is not None and value != {} and value != []:
-            table.add_row(name.replace("_", " "), Text(words(value)))
+            table.add_row(name.replace("_", " ") if name.isidentifier() else Text(name), Text(words(value)))
     return table
 
 

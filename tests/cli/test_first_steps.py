@@ -170,3 +170,21 @@ def test_the_doctor_names_what_fails(monkeypatch: pytest.MonkeyPatch, capsys: py
     assert (
         said.err == "homofact: doctor: found nlopt, a fit not working, expected everything that is installed to work\n"
     )
+
+
+@pytest.mark.parametrize(
+    ("command", "option", "said"),
+    [
+        ([], "--version", "Print the version."),
+        (["info"], "--json", "Print one JSON object"),
+        (["research"], "--help", ""),
+    ],
+)
+def test_the_help_of_a_flag_asks_for_no_value(
+    command: list[str], option: str, said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main([*command, "--help"]) == 0
+    text = capsys.readouterr().out
+    (line,) = [line for line in text.splitlines() if option in line]
+    assert said in line
+    assert "<bool>" not in text

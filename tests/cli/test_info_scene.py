@@ -165,3 +165,11 @@ def test_a_toml_file_is_no_measurement(tmp_path: Path, capsys: pytest.CaptureFix
     said = capsys.readouterr().err
     assert "a TOML file, expected a BRDF file or material:NAME (`homofact info` names what reads it)" in said
     assert not (tmp_path / "o").exists()
+
+
+def test_the_name_of_a_mesh_keeps_its_underscores(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    objects = [{**BALL, "mesh": name} for name in ("teapot_wdas.obj", "left_handle")]
+    assert main(["info", str(folder_of(tmp_path, "relight", {**RELIT, "objects": objects}))]) == 0
+    said = capsys.readouterr().out
+    assert "object teapot_wdas.obj" in said
+    assert "object left_handle" in said
