@@ -58,7 +58,7 @@ class ProgressSteps:
         self._say(ProgressStep(name, passed, passed + left, left=left))
 
     def run(self, name: str, done: int, runs: int, left: float | None = None) -> None:
-        """Begin one of several runs, of which `done` are behind it and the others are expected to take `left` seconds."""
+        """Begin one of several runs, of which `done` are behind it; the others are to take about `left` seconds."""
         self._begin(f"{done + 1}/{runs} {name}", done, runs, left)
         self._say(ProgressStep(self._stage, done, runs, left=left))
 

@@ -1,7 +1,8 @@
 """The LaTeX table of a comparison's means: a tabular for booktabs with comments on sources and methods.
 
 Deviations have one or two digits, and means are rounded alike. Where a number of a column is below 0.001 or
-from 100,000 on, all its numbers have the same power of ten, which is in its head, unless they are too far apart for one.
+from 100,000 on, all its numbers have the same power of ten, which is in its head, unless they are too far apart for
+one.
 """
 
 import math
@@ -35,8 +36,8 @@ def latex_of(fits: Sequence[MeasuredFit], by_source: bool = False) -> str:
     """Return a tabular for booktabs over all fits: a line per method and bytes, a column per metric with its unit.
 
     With `by_source`, the lines of each source come first, below its name, and those over all sources last. The numbers
-    of a column that are not readable without have one power of ten, in its head, where one serves them. A line below the table marks fits that are
-    not reciprocal; comments name the settings of each method.
+    of a column that are not readable without have one power of ten, in its head, where one serves them. A line below
+    the table marks fits that are not reciprocal; comments name the settings of each method.
     """
     rows = mean_rows(fits)
     metrics = list(rows[0].spreads)

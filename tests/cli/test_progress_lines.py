@@ -212,10 +212,10 @@ def test_a_chart_expects_one_time_for_all_its_runs(tmp_path: Path) -> None:
     assert all(step.left is not None and "left" not in step.stage for step in runs)
 
 
-def test_the_bar_of_a_terminal_shows_one_time() -> None:
+def test_the_bar_of_a_terminal_shows_one_time(monkeypatch: pytest.MonkeyPatch) -> None:
     terminal = io.StringIO()
     screen = Screen(False, False)
-    screen._err = Console(file=terminal, force_terminal=True, width=120)
+    monkeypatch.setattr(screen, "_err", Console(file=terminal, force_terminal=True, width=120))
     drawn = []
     with screen.progress() as show:
         # Rich draws anew what has not begun twice a second.
