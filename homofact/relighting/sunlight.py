@@ -167,20 +167,20 @@ class Sunlight:
         for number, light in enumerate(self.lights):
             own, count = seen[:, number], self.directions(light, positions)
             lit = (own > 0) & (points.wo[:, 2] > 0)
-            edge = lit & (own < 1) if sight is not None and count > 1 else np.zeros_like(lit)
-            follows = count == MOST_DIRECTIONS, self.directions(light, positions, _AT_EDGES) == _AT_EDGES
-            for among, directions, follow in zip((lit & ~edge, edge), (count, _AT_EDGES), follows, strict=True):
-                which = np.flatnonzero(among)
-                for part in ray_parts(len(which), directions):
+            traced = sight is not None and count > 1 and self.tables[0].cosine
+            edge = lit & (own < 1) & traced
+            for among, asked, most, rays in (
+                (lit & ~edge, count, MOST_DIRECTIONS, None),
+                (edge, _AT_EDGES, _AT_EDGES, sight),
+            ):
+                which, follow = np.flatnonzero(among), self.directions(light, positions, most) == most
+                for part in ray_parts(len(which), asked):
                     rows = which[part]
                     cones = light.cones(origins[rows])
-                    w, parts = self._asked(cones, directions, follow, points.frames[rows], points.wo[rows])
+                    w, parts = self._asked(cones, asked, follow, points.frames[rows], points.wo[rows])
                     # Directions above a tilted normal may be under the surface's own horizon.
                     parts = parts * (np.einsum("snj,sj->sn", w, points.normals[rows]) > 0)
-                    if sight is not None and count > 1 and self.tables[0].cosine:
-                        parts = parts * _seen_ways(sight.only(rows), cones, w, own[rows])
-                    else:
-                        parts = parts * own[rows, None]
+                    parts = parts * (own[rows, None] if rays is None else _seen_ways(rays.only(rows), cones, w))
                     f = self._reflected(w, parts, points.only(rows), None if tint is None else tint[rows])
                     found[rows] += f * cones.irradiance
         return found
@@ -214,17 +214,10 @@ class Sunlight:
         return cones.lobe_directions(mirror, self.width, count, FEW * count // MOST_DIRECTIONS)
 
 
-def _seen_ways(sight: PointSight, cones: LightCones, w: np.ndarray, seen: np.ndarray) -> np.ndarray:
-    """What points see along directions `w` (S, N, 3) to a light, as (S, N) of 0 and 1.
-
-    Rays are sent where a part of the light is `seen` (S,), and neither all nor nothing.
-    """
-    found = np.repeat(seen[:, None], w.shape[1], 1)
-    partly = np.flatnonzero((seen > 0) & (seen < 1))
-    ways = w[partly]
-    ends, which = cones.only(partly).lengths(ways), np.repeat(partly, w.shape[1])
-    found[partly] = sight.sees(which, ways.reshape(-1, 3), ends.reshape(-1)).reshape(ways.shape[:2])
-    return found
+def _seen_ways(sight: PointSight, cones: LightCones, w: np.ndarray) -> np.ndarray:
+    """Whether points see a light along directions `w` (S, N, 3): (S, N)."""
+    which = np.repeat(np.arange(len(w)), w.shape[1])
+    return sight.sees(which, w.reshape(-1, 3), cones.lengths(w).reshape(-1)).reshape(w.shape[:2])
 
 
 def reflected(
