@@ -63,17 +63,17 @@ def bars(*errors: float | None) -> ErrorBars:
         ((0.03, 0.04, 0.15, 0.16, 0.5), "good at 0–30° (within 15%) and bad at 45–60° (within 50%)"),
         ((0.4, 0.03), "bad at 0° (within 40%) and good at 15° (within 3%)"),
         ((0.03, 0.4, 0.05), "good at 0° (within 3%), bad at 15° (within 40%) and good at 30° (within 5%)"),
-        ((0.03, 0.04), "good at 0–15° (within 4%)"),
         ((0.03, None), "good at 0° (within 3%) and unknown at 15°"),
-        ((1.5, 0.2), "bad at 0–15° (within a factor of 2.5)"),
+        ((1.5, 0.2, 0.1), "bad at 0–15° (within a factor of 2.5) and good at 30° (within 10%)"),
     ],
 )
 def test_a_sentence_says_where_a_fit_is_good(errors: tuple[float | None, ...], words: str) -> None:
     assert bars(*errors).by_angle_sentence() == f"by angle of incidence, total reflected light is {words}"
 
 
-def test_one_angle_says_nothing() -> None:
-    assert bars(0.1).by_angle_sentence() == bars().by_angle_sentence() == ""
+@pytest.mark.parametrize("errors", [(), (0.1,), (0.03, 0.04), (1.5, 0.2)])
+def test_what_is_the_same_at_all_angles_is_not_said_again(errors: tuple[float, ...]) -> None:
+    assert bars(*errors).by_angle_sentence() == ""
 
 
 def test_no_advice_leads_to_a_fit_that_cannot_be_exported() -> None:
@@ -87,7 +87,7 @@ def test_lines_are_printed_where_there_is_something_to_say() -> None:
         def __init__(self, cause: str, own: ErrorBars) -> None:
             self.cause, self.bars = cause, own
 
-    warned, silent = Said("why", bars(0.1, 0.2)), Said("", bars(0.1))
+    warned, silent = Said("why", bars(0.1, 0.4)), Said("", bars(0.1))
     assert cause_lines(warned) == ["Why it warns: why"]  # pyright: ignore[reportArgumentType]
     assert where_lines(warned)[0].startswith("Where: by angle")  # pyright: ignore[reportArgumentType]
     assert cause_lines(silent) == where_lines(silent) == []  # pyright: ignore[reportArgumentType]

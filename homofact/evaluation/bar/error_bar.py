@@ -185,7 +185,7 @@ class ErrorBars:
     def by_angle_sentence(self) -> str:
         """Return at which angles of incidence the fit is good and at which bad, in a sentence.
 
-        "" where fewer than two angles have a bar.
+        "" where that is the same at all angles, which the sentence on all of them says.
 
         Examples
         --------
@@ -194,14 +194,14 @@ class ErrorBars:
         >>> ErrorBars((), tuple(bars)).by_angle_sentence()
         'by angle of incidence, total reflected light is good at 0–45° (within 10%) and bad at 75° (within 40%)'
         """
-        if len(self.by_angle) < 2:
-            return ""
         runs: list[list[ErrorBar]] = []
         for bar in self.by_angle:
             if runs and _grade(runs[-1][0]) == _grade(bar):
                 runs[-1].append(bar)
             else:
                 runs.append([bar])
+        if len(runs) < 2:
+            return ""
         parts = [f"{_grade(run[0])} at {_range(run)}{_within(run)}" for run in runs]
         joined = " and ".join(filter(None, (", ".join(parts[:-1]), parts[-1])))
         return f"by angle of incidence, total reflected light is {joined}"
