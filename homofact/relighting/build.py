@@ -53,6 +53,12 @@ class TransportChoice:
     plan: ObjectPlan | None = None
     sun_tables: tuple[LobeTable, ...] = ()
 
+    @property
+    def table_bytes(self) -> int:
+        """Of the view maps and the tables of the lobe and of suns."""
+        lobe = () if self.material.lobe is None else (self.material.lobe,)
+        return self.material.factors.view.nbytes + sum(table.nbytes for table in (*lobe, *self.sun_tables))
+
 
 @dataclass(frozen=True)
 class RelitObject:
@@ -129,19 +135,22 @@ class RelightScene:
         peak = sum(c.peak_bytes for c in costs) + len(positions) * _PLACE_BYTES + len(triangles) * _TRIANGLE_BYTES
         if self.file.clusters:
             peak += _CLUSTERED * max(c.most_bytes for c in costs)
-        # Of a separate lobe what every vertex sees: a bit a ray, and half of them are under the horizon.
+        # Of a separate lobe what every vertex sees: a bit a texel, and half of them are under the horizon.
         separate = [
-            (choice.settings.cube, len(placed.mesh.positions))
+            (choice.settings, len(placed.mesh.positions))
             for placed, choice in zip(self.objects, self.choices, strict=True)
             if choice.material.lobe is not None
         ]
-        bits = sum(64 * sight_words(size) * vertices for size, vertices in separate)
-        sight = sum(most_sight_bytes(size) * vertices for size, vertices in separate)
-        rays, disk = sum(c.rays for c in costs) + bits // 2, sum(c.disk_bytes for c in costs) + bits // 8
+        bits = [64 * sight_words(settings.cube) * vertices for settings, vertices in separate]
+        sight = sum(most_sight_bytes(settings.cube) * vertices for settings, vertices in separate)
+        beside = sight + sum(choice.table_bytes for choice in self.choices)
+        # The transport takes these rays too, if it sends one to a texel.
+        own = sum(count // 2 for count, (settings, _) in zip(bits, separate, strict=True) if settings.rays > 1)
+        rays, disk = sum(c.rays for c in costs) + own, sum(c.disk_bytes for c in costs) + sum(bits) // 8
         if self.bounces is not None:
             memory, more = Interreflection.cost(len(positions))
             peak, rays = peak + memory, rays + more
-        return TransportCost(rays, sum(c.most_bytes for c in costs) + sight, peak + bits // 8 + sight, disk)
+        return TransportCost(rays, sum(c.most_bytes for c in costs) + beside, peak + sum(bits) // 8 + beside, disk)
 
 
 def open_relight_scene(

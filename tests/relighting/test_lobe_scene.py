@@ -101,16 +101,22 @@ def test_a_folder_holds_the_lobe_to_the_bit(ready: RelightScene, tmp_path: Path)
             open_relit(tmp_path / "out")
 
 
-def test_the_cost_counts_what_vertices_see(ready: RelightScene) -> None:
-    """A bit a texel of every vertex on disk; in the result 20 bytes a face more; half of the texels take a ray."""
+def test_the_cost_counts_the_lobe_and_what_vertices_see(ready: RelightScene) -> None:
+    """A bit a texel of every vertex on disk; in the result 20 bytes a face more, and the table."""
     (choice,) = ready.choices
-    plain = replace(ready, choices=(replace(choice, material=replace(choice.material, lobe=None)),)).cost
+    material = choice.material
+    plain = replace(ready, choices=(replace(choice, material=replace(material, lobe=None)),)).cost
     bits = 6 * 16**2 * len(ready.objects[0].mesh.positions)
-    most = bits // 8 + 6 * 20 * len(ready.objects[0].mesh.positions)
+    assert material.lobe is not None
+    most = bits // 8 + 6 * 20 * len(ready.objects[0].mesh.positions) + material.lobe.nbytes
     assert ready.cost.most_bytes - plain.most_bytes == most
     assert ready.cost.peak_bytes - plain.peak_bytes == most + bits // 8
     assert ready.cost.disk_bytes - plain.disk_bytes == bits // 8
-    assert ready.cost.rays - plain.rays == bits // 2
+    assert ready.cost.most_bytes >= relit_objects(ready)[0].nbytes
+    # The transport takes the rays of the lobe; with several rays a texel it sends its own.
+    assert ready.cost.rays == plain.rays
+    several = replace(ready, choices=(replace(choice, settings=replace(choice.settings, rays=2)),))
+    assert several.cost.rays == 4 * plain.rays + bits // 2
 
 
 def test_blocks_of_a_stopped_run_keep_what_vertices_see(ready: RelightScene, tmp_path: Path) -> None:
