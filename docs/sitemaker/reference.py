@@ -20,6 +20,7 @@ from sitemaker.uses import front_door, scripts_using, used_by_page
 MODULES = {
     "The front door": (
         "homofact", "homofact.api.reading", "homofact.api.fitting", "homofact.api.result", "homofact.api.comparing",
+        "homofact.api.compared",
         "homofact.api.charting", "homofact.api.planning", "homofact.api.evaluating", "homofact.api.factorizing",
         "homofact.api.exporting", "homofact.api.viewing", "homofact.api.rendering", "homofact.api.converting",
         "homofact.api.sweeping", "homofact.api.reporting", "homofact.api.describing", "homofact.api.terms",

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from homofact.api.compared import CompareResult, SourceComparison
 from homofact.api.places import check_file
 from homofact.api.progress import Progress, ProgressSteps
 from homofact.api.refusing import Refusal
@@ -19,145 +20,8 @@ from homofact.sections import COMPARED, SourceSettings
 if TYPE_CHECKING:
     from homofact.brdf.source import Source
     from homofact.evaluation.estimate import TimeEstimate
-    from homofact.evaluation.means import MeanRow, MeasuredFit
     from homofact.evaluation.seeds import SeedRows
     from homofact.methods.method import Method
-
-
-@dataclass(frozen=True)
-class SourceComparison:
-    """The methods' fits to one source, each with its metrics.
-
-    Attributes
-    ----------
-    source : Source
-        What was fitted.
-    rows : dict of SeedRows
-        The fits of each method by label, one for every seed.
-    values : dict
-        The chosen metrics of each fit by label, on the held-out samples.
-    conditions : list of str
-        Under which conditions these metrics hold.
-    """
-
-    source: "Source"
-    rows: "dict[str, SeedRows]"
-    values: dict[str, list[dict[str, float | None]]]
-    conditions: list[str]
-
-    def records(self) -> dict[str, dict[str, Any]]:
-        """Return the JSON form of each method's fits, by label."""
-        means = self.metrics()
-        return {label: rows.record() | {"metrics": means[label]} for label, rows in self.rows.items()}
-
-    def metrics(self) -> dict[str, Mapping[str, float | None]]:
-        """Return the means of the chosen metrics over the seeds, by label; None where a fit has none."""
-        return {label: _means(values) for label, values in self.values.items()}
-
-    def record(self) -> dict[str, Any]:
-        """Return the JSON form."""
-        return {
-            "source": self.source.name,
-            "rows": [{"label": label, **record} for label, record in self.records().items()],
-            "metric_conditions": self.conditions,
-        }
-
-    def measured(self) -> "list[MeasuredFit]":
-        """Return every fit with its numbers."""
-        from homofact.evaluation.means import MeasuredFit, settings_in_words
-
-        found = []
-        for label, seeds in self.rows.items():
-            for row, values in zip(seeds.rows, self.values[label], strict=True):
-                fit, held_out = row.factorization, round(row.split.held_out * row.samples)
-                found.append(
-                    MeasuredFit(
-                        self.source.name, label, row.settings.seed, fit.nbytes, fit.fetches, values,
-                        fit.transform.epsilon, row.samples, held_out, row.verdict.figures.light.reciprocity,
-                        settings_in_words(row.settings),
-                    )
-                )  # fmt: skip
-        return found
-
-
-@dataclass(frozen=True)
-class CompareResult:
-    """What a comparison found.
-
-    Attributes
-    ----------
-    sources : tuple of SourceComparison
-        The fits to each source.
-    fits : int
-        How many fits of a method to a source were planned.
-    several : bool
-        Whether the call had a list of sources.
-    interrupted : bool
-        Whether Ctrl-C ended it before all of them were done.
-    files : dict of Path
-        The files that were written: "plot", "csv", "latex".
-    by_source : bool
-        Whether the LaTeX table also has rows for each source.
-    """
-
-    sources: tuple[SourceComparison, ...]
-    fits: int
-    several: bool
-    interrupted: bool
-    files: dict[str, Path]
-    by_source: bool = False
-
-    @property
-    def rows(self) -> "dict[str, SeedRows]":
-        """The fits to the first source, by label."""
-        return self.sources[0].rows
-
-    @property
-    def fits_done(self) -> int:
-        """How many fits of a method to a source are compared."""
-        return sum(len(source.rows) for source in self.sources)
-
-    @property
-    def with_means(self) -> bool:
-        """Whether the JSON form has the means over sources and seeds."""
-        return self.several or not self.files.keys().isdisjoint(("csv", "latex"))
-
-    def measured(self) -> "list[MeasuredFit]":
-        """Return every fit with its numbers."""
-        return [fit for source in self.sources for fit in source.measured()]
-
-    def means(self) -> "list[MeanRow]":
-        """Return means and standard deviations over sources and seeds, by method and bytes."""
-        from homofact.evaluation.means import mean_rows
-
-        return mean_rows(self.measured())
-
-    @property
-    def warnings(self) -> list[str]:
-        """What to beware of in the means: errors with different ε."""
-        from homofact.evaluation.means import mixed_epsilons
-
-        mixed = mixed_epsilons(self.measured()) if self.with_means else ""
-        return [mixed] if mixed else []
-
-    def record(self) -> dict[str, Any]:
-        """Return the JSON form."""
-        records = [source.record() for source in self.sources]
-        answer: dict[str, Any] = {"sources": records} if self.several else records[0]
-        if self.with_means:
-            answer["means"] = [
-                {
-                    "method": row.method,
-                    "bytes": row.nbytes,
-                    "fetches": row.fetches,
-                    "sources": row.sources,
-                    "fits": row.fits,
-                    "epsilon": row.epsilon,
-                    "metrics": {name: spread and spread.record() for name, spread in row.spreads.items()},
-                }
-                for row in self.means()
-            ]
-        return answer | {name: str(file) for name, file in self.files.items()}
 
 
 def compare(
@@ -401,12 +265,3 @@ def _is_samples(source: Any) -> bool:
         and len(source) >= 3
         and not any(isinstance(part, str | os.PathLike | SourceSettings) or hasattr(part, "samples") for part in source)
     )
-
-
-def _means(measured: list[dict[str, float | None]]) -> Mapping[str, float | None]:
-    """The mean of every metric over the seeds, None where one of them has none."""
-    found = {name: [values[name] for values in measured] for name in measured[0]}
-    return {
-        name: None if None in numbers else sum(number or 0.0 for number in numbers) / len(numbers)
-        for name, numbers in found.items()
-    }

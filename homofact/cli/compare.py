@@ -16,7 +16,7 @@ from homofact.errors import BadInput
 from homofact.sections import FIT
 
 if TYPE_CHECKING:
-    from homofact.api.comparing import SourceComparison
+    from homofact.api.compared import SourceComparison
     from homofact.config import Config
 
 Seeds = Annotated[
