@@ -183,9 +183,7 @@ def _relit_scene(
         steps.note(line)
     steps.note(scene.cost.describe())
     opened = time.perf_counter()
-    objects = relit_objects(
-        scene, blocks, lambda name, done, count: steps.run(f"transport of {name}", min(done, count - 1), count)
-    )
+    objects = relit_objects(scene, blocks, lambda name, done, count: steps.run(name, min(done, count - 1), count))
     traced = time.perf_counter()
     steps.stage("rendering")
     result = RelightResult.of(file, objects, {})

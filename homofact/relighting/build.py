@@ -269,7 +269,7 @@ def relit_objects(
 ) -> tuple[RelitObject, ...]:
     """The transport of every object; `blocks` is where finished blocks are kept for a later run.
 
-    `progress` is called with (object, blocks done, blocks). Raises BadInput for a folder of another scene's blocks.
+    `progress` is called with (work in words, blocks done, blocks). Raises BadInput for a folder of another scene's blocks.
     """
     file, objects, between = scene.file, [], None
     if scene.bounces is not None:
@@ -284,7 +284,7 @@ def relit_objects(
 
         def tell(done: int, count: int, name: str = placed.mesh.name) -> None:
             if progress is not None:
-                progress(name, done, count)
+                progress(f"transport of {name}", done, count)
 
         def tell_shadows(done: int, count: int, name: str = placed.mesh.name) -> None:
             if progress is not None:
