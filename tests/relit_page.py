@@ -203,6 +203,8 @@ def relit_page(folder: Path, scene: RelightResult, size: tuple[int, int] = (420,
     write_relit_page(folder / "scene.html", scene)
     with browser(folder, size=SMALL) as driver:
         headless.open_page(driver, folder / "scene.html")
+        shown = driver.execute_script("return homofact.changed ? '' : document.body.innerText")
+        assert shown == "", f"the page shows its trouble: {shown}"
         shrink(driver, *size)
         yield driver
         assert complaints(driver) == []

@@ -269,7 +269,7 @@ def relit_objects(
 ) -> tuple[RelitObject, ...]:
     """The transport of every object; `blocks` is where finished blocks are kept for a later run.
 
-    `progress` is called with (work in words, blocks done, blocks). Raises BadInput for a folder of another scene's blocks.
+    `progress` is called with (work in words, blocks done, blocks). Raises BadInput for blocks of another scene.
     """
     file, objects, between = scene.file, [], None
     if scene.bounces is not None:

@@ -117,8 +117,8 @@ def test_the_part_of_a_lobe_that_is_tinted() -> None:
     paint, metal = (lobe_table(Tinted.of(MODELS[name])).tinted for name in ("paint", "metal"))
     assert paint is not None
     assert metal is not None
-    assert paint[:30].max() < 0.05
-    assert metal[:10].min() > 0.99
+    assert paint[:21].max() < 0.05
+    assert metal[:7].min() > 0.99
     assert (np.diff(metal.mean(1)) < 1e-3).all()
     assert metal[-1].max() < 0.2
     table = lobe_table(Tinted.of(MODELS["metal"]))
