@@ -7,6 +7,7 @@ import relit_scene
 import torch
 from relit_scene import factors, sky_picture
 
+from homofact.brdf.analytic.cook_torrance import CookTorrance
 from homofact.brdf.materials import material
 from homofact.meshes.mesh import Mesh
 from homofact.meshes.occlusion import Occluder
@@ -35,8 +36,11 @@ def scene() -> relit_scene.Scene:
     )
     settings = TransportSettings(SIZE, kept=16)
     objects = []
-    for mesh, name in ((knot, "ashikhmin-shirley-wang"), (ball, "cook-torrance-plastic")):
-        lobe = SeparateLobe(lobe_table(material(name).model), VertexSight.of(traced_sight(mesh, occluder, SIZE)))
+    # The ball's lobe is narrower than a texel.
+    narrow = CookTorrance((0.1,) * 3, (0.5,) * 3, 0.03, 0.5)
+    given = ((knot, material("ashikhmin-shirley-wang").model, "ashikhmin-shirley-wang"), (ball, narrow, "narrow"))
+    for mesh, model, name in given:
+        lobe = SeparateLobe(lobe_table(model), VertexSight.of(traced_sight(mesh, occluder, SIZE)))
         made = transport(mesh, factors(2, 3), settings, occluder)
         objects.append(PageObject(mesh.name, mesh, made, name, lobe=lobe))
     made = transport(plane, factors(1, 1), settings, occluder)

@@ -50,7 +50,7 @@ class LitObject:
         tilted: TiltedView | None = None,
     ) -> "LitObject":
         """Under a light, by the compact form where there is one, suns and lamps. Raises BadInput for no light."""
-        cells = None if lobe is None else LightCells.of(light_cube(light, transport.settings.cube))
+        cells = None if lobe is None else lobe.cells(light_cube(light, transport.settings.cube))
         tuples, bounced = lit_tuples(transport, compact, light), transport.factors.bounced
         if bounced and sunlight is not None and sunlight.suns:
             spread = spread_suns(sunlight.suns, transport.settings.cube)

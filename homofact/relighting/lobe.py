@@ -17,6 +17,7 @@ from homofact.relighting.lobe_kernels import CellArrays, HalfSeenCells, PointArr
 from homofact.relighting.lobe_light import LightCells
 from homofact.relighting.lobe_table import LobeTable
 from homofact.relighting.sight import VertexSight, kept_sight
+from homofact.relighting.texel_pattern import texel_divisions
 
 # Cells of a point that its corners see differently: those that rays are sent to at most, and the least light of one as
 # a part of the mean of all points. So many points at a time.
@@ -119,6 +120,10 @@ class SeparateLobe:
         """The table and what the vertices see."""
         return self.table.nbytes + self.sight.nbytes
 
+    def cells(self, radiance: np.ndarray) -> LightCells:
+        """The light of a cube map of radiance (6, n, n, 3), as fine as the lobe needs it."""
+        return LightCells.of(radiance, texel_divisions(self.table.half_width, radiance.shape[1]))
+
     def at(self, points: SurfacePoints, cells: LightCells, sight: "PointSight | None" = None) -> np.ndarray:
         """Radiance (S, 3) float32 of the lobe towards the viewer; 0 where a point is seen from behind.
 
@@ -135,7 +140,7 @@ class SeparateLobe:
             half_seen = HalfSeenCells.room(len(which), _CELLS, least)
             self._summed(points.only(which), cells, half_seen)
             row, place = np.nonzero(np.arange(_CELLS) < half_seen.found[:, None])
-            towards = cells.places[half_seen.cells[row, place], :3].astype(np.float64)
+            towards = cells.directions(half_seen.cells[row, place])
             clear = sight.only(which).sees(row, towards)
             more = (clear - half_seen.seen[row, place])[:, None] * half_seen.light[row, place]
             np.add.at(out, which[row], more)
@@ -148,7 +153,8 @@ class SeparateLobe:
             np.ascontiguousarray(points.corners, np.int64), np.ascontiguousarray(points.shares, np.float32),
         )  # fmt: skip
         table = TableArrays(self.table.values, self.table.width, self.table.period)
-        sum_lobe(given, self.sight.arrays, CellArrays(cells.light, cells.places, cells.starts), table, out, half_seen)
+        given_light = CellArrays(cells.light, cells.places, cells.parts, cells.starts, cells.divisions)
+        sum_lobe(given, self.sight.arrays, given_light, table, out, half_seen)
         return out
 
     def at_vertices(

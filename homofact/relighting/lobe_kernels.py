@@ -11,8 +11,8 @@ from homofact.relighting.lobe_table import FARTHEST, PEAK, STEEPEST
 from homofact.relighting.sight import seen_part
 
 # The widest cell, its extent in slopes of h as a part of the table's width w. Beyond slopes of `CORE` w it may grow
-# with the slope.
-WIDEST, CORE = 0.25, 0.7
+# with the slope, parts of a bright texel beyond `NEAR` w.
+WIDEST, CORE, NEAR = 0.25, 0.7, 2.0
 _LEAST = math.cos(STEEPEST)
 _ROOT_CELLS = 64
 
@@ -31,7 +31,9 @@ class CellArrays(NamedTuple):
 
     light: np.ndarray
     places: np.ndarray
+    parts: np.ndarray
     starts: np.ndarray
+    divisions: int
 
 
 class TableArrays(NamedTuple):
@@ -46,7 +48,7 @@ class HalfSeenCells(NamedTuple):
     """Cells that some corners of a point see more of than others: `found` (P,) of them, as many as there is room for.
 
     `cells` (P, M) are their numbers, `light` (P, M, 3) what a whole cell sends to the viewer, `seen` (P, M) the part
-    that was summed. Cells whose light hangs on it by less than `least` are left out.
+    that was summed. Texels and cells whose light hangs on it by less than `least` are left out.
     """
 
     cells: np.ndarray
@@ -116,7 +118,8 @@ def sum_lobe(points, sight, cells, lobe, out, half_seen):  # pragma: no cover (c
     `SightArrays`, `half_seen` `HalfSeenCells`.
     """
     table, width, period = lobe
-    light, places, starts = cells
+    light, places, parts, starts, divisions = cells
+    count = len(parts)
     frames, views, corners, shares = points
     room, least = half_seen[0].shape[1], half_seen[4]
     levels, turns, nodes = table.shape[0], table.shape[1], table.shape[2]
@@ -127,7 +130,7 @@ def sum_lobe(points, sight, cells, lobe, out, half_seen):  # pragma: no cover (c
     while (sights << (2 * finer)) < texels:
         finer += 1
     one, half, mid = np.float32(1), np.float32(0.5), np.float32(nodes - 1) / np.float32(2)
-    w, widest, tail = np.float32(width), np.float32(WIDEST), np.float32(1 - CORE)
+    w, widest, tail, close = np.float32(width), np.float32(WIDEST), np.float32(1 - CORE), np.float32(NEAR * width)
     # Places on the grid, as `lobe_table` has them.
     steep, rim = np.float32(PEAK / width), np.float32(1 / math.log1p(FARTHEST * PEAK / width))
     for p in prange(len(frames)):
@@ -153,21 +156,29 @@ def sum_lobe(points, sight, cells, lobe, out, half_seen):  # pragma: no cover (c
         second = (first + 1) % turns
         fx, fy, fz = frames[p, 0], frames[p, 1], frames[p, 2]
         red, green, blue = np.float32(0), np.float32(0), np.float32(0)
+        bright = False
         for face in range(6):
             place, k = np.int64(0), top
             while place < texels:
                 cell = starts[k] + ((face * texels + place) >> (2 * k))
-                dx, dy, dz, wide = places[cell, 0], places[cell, 1], places[cell, 2], places[cell, 3]
+                here = parts[cell] if k < divisions else places[cell - count]
+                dx, dy, dz, wide = here[0], here[1], here[2], here[3]
                 z = fz[0] * dx + fz[1] * dy + fz[2] * dz
                 extent = abs(wide)
                 divided = False
+                if k >= divisions:
+                    # Of the parts of a texel, which come after it, too.
+                    bright = wide < 0
                 if z > -half * extent - half * half * extent:
                     x = fx[0] * dx + fx[1] * dy + fx[2] * dz
                     y = fy[0] * dx + fy[1] * dy + fy[2] * dz
                     short = one / (max(z, np.float32(0)) + oz)
                     hx, hy = (x + ox) * short, (y + oy) * short
                     slope = math.sqrt(hx * hx + hy * hy)
-                    divided = k > 0 and (wide < 0 or extent * short > widest * max(w, slope + tail * w))
+                    within, own = extent * short, max(w, slope + tail * w)
+                    if bright and k <= divisions and slope < close + within:
+                        own = w
+                    divided = k > 0 and ((bright and k > divisions) or within > widest * own)
                     if not divided and z > 0:
                         size, at = np.int64(1) << (2 * max(k - finer, 0)), place >> (2 * finer)
                         seen, fewest, most = _seen_between(sight, corners[p], shares[p], face, at, size)
@@ -182,11 +193,16 @@ def sum_lobe(points, sight, cells, lobe, out, half_seen):  # pragma: no cover (c
                                 f = _added(table[low + step, first], a, b, own * (one - over), f)
                                 if turns > 1:
                                     f = _added(table[low + step, second], a, b, own * over, f)
-                            sent = _times(f, light[cell], extent * extent)
+                            # The parts of a texel have its light.
+                            whole = max(k, divisions)
+                            own_light = light[starts[whole] - count + ((face * texels + place) >> (2 * whole))]
+                            sent = _times(f, own_light, extent * extent)
                             red += seen * sent[0]
                             green += seen * sent[1]
                             blue += seen * sent[2]
-                            if room > 0 and (most - fewest) * abs(sent[0] + sent[1] + sent[2]) > 3 * least * oz:
+                            # Parts of a texel are asked for their part of the light.
+                            asked = 3 * least * oz / np.float32(1 << (2 * max(divisions - k, 0)))
+                            if room > 0 and (most - fewest) * abs(sent[0] + sent[1] + sent[2]) > asked:
                                 _note(half_seen, p, cell, sent, seen, oz)
                 if divided:
                     k -= 1

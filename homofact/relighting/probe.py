@@ -22,7 +22,6 @@ from homofact.relighting.factors import InOutFactors, look_up, view_values
 from homofact.relighting.harmonic import harmonic_maps
 from homofact.relighting.kernels import binned, transport_vectors
 from homofact.relighting.lobe import SeparateLobe, SurfacePoints
-from homofact.relighting.lobe_light import LightCells
 from homofact.relighting.lobe_table import LobeTable
 from homofact.relighting.relight import light_coefficients
 from homofact.relighting.seen import SeenVertices
@@ -172,7 +171,7 @@ def lobe_beside(
     exact = seen.dense(radiance, radiance.shape[1])
     lobe = SeparateLobe(table, VertexSight.of(traced_sight(probed.mesh, probed.occluder, radiance.shape[1], which)))
     points = SurfacePoints.at_vertices(seen.rows, probed.wo, np.arange(len(which)))
-    found = lobe.at(points, LightCells.of(radiance))
+    found = lobe.at(points, lobe.cells(radiance))
     whole = exact + rest
     every = max(float((whole**2).sum()), 1e-300)
     return float(np.sqrt((rest**2).sum() / every)), float(np.sqrt(((found - exact) ** 2).sum() / every))

@@ -141,7 +141,7 @@ class Relit:
     def _named(self, light: Light) -> np.ndarray:
         """The coefficients of a light, which the lobe has from now on."""
         radiance = light_cube(light, self.transport.settings.cube)
-        self._cells = None if self.lobe is None else LightCells.of(radiance)
+        self._cells = None if self.lobe is None else self.lobe.cells(radiance)
         return _transformed(radiance)
 
     def _sum(self) -> None:

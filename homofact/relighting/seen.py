@@ -1,5 +1,8 @@
 """Visible vertices and the exact sum of their light, the reference for every approximation.
 
+The light of a texel counts at its centre. Where the reflectance has a highlight narrower than a texel
+(`texel_pattern`), the texels near the mirror direction are divided, and the highlight is summed over their parts.
+
 Vertices are weighted by their area in a picture: a third of the solid angle of each of their triangles. They are
 sampled in proportion to it, with one random number and equal steps, so that a mean over the samples is a mean over the
 picture, including the rims of objects.
@@ -21,13 +24,16 @@ from homofact.relighting import cube
 from homofact.relighting.cones import RoundLight
 from homofact.relighting.lit_points import LitPoints
 from homofact.relighting.lobe import SurfacePoints
+from homofact.relighting.lobe_table import half_width
 from homofact.relighting.mapped_points import bent_back
 from homofact.relighting.sunlight import summed
+from homofact.relighting.texel_pattern import texel_divisions
 from homofact.relighting.tracer import Tracer
 from homofact.scene.cameras import Camera
 from homofact.scene.normal_map import SurfaceNormals
 from homofact.scene.tint import SurfaceTint
 
+_REACH = 6.0  # in widths of a narrow highlight: beyond it changes little within a texel
 RIM = 0.2  # the rim is where cosθo is below this: 4% of a sphere's picture
 
 
@@ -68,18 +74,22 @@ class SeenVertices:
         """The sum over all texels (S, 3) for a cube map of radiance (6, n, n, 3) and the reflectance, or another."""
         asked = self.reflectance if reflectance is None else reflectance
         tracer = Tracer(self.mesh, self.occluder, size)
+        parts = _TexelParts.of(self.reflectance, size)
         w = cube.directions(size).reshape(-1, 3)
-        flux = light.reshape(-1, 3) * np.tile(cube.solid_angles(size).reshape(-1), cube.FACES)[:, None]
+        solid = np.tile(cube.solid_angles(size).reshape(-1), cube.FACES)
+        radiance = light.reshape(-1, 3)
         found = np.zeros((len(self.which), 3))
         for s, v in enumerate(self.which):
             lit = np.flatnonzero(tracer.visible(int(v)))
-            wi = w[lit] @ self.rows[s].T
+            wi, angles = w[lit] @ self.rows[s].T, solid[lit]
+            if parts is not None:
+                lit, wi, angles = parts.divided(lit, wi, angles, self.rows[s], self.wo[s])
             kept = wi[:, 2] > 0
             wi = torch.from_numpy(wi[kept])
             wo = torch.from_numpy(self.wo[s]).expand(len(wi), 3)
             tint = None if self.tints is None else torch.from_numpy(self.tints[v])
             values = values_under(asked, tint, wi, wo).double().numpy() * wi[:, 2:].numpy()
-            found[s] = (values * flux[lit[kept]]).sum(0)
+            found[s] = (values * radiance[lit[kept]] * angles[kept, None]).sum(0)
         return found
 
     def sunlit(self, lights: Sequence[RoundLight]) -> np.ndarray:
@@ -103,6 +113,51 @@ class SeenVertices:
     def tint(self) -> np.ndarray | None:
         """Of the vertices (S, 3)."""
         return None if self.tints is None else self.tints[self.which]
+
+
+@dataclass(frozen=True)
+class _TexelParts:
+    """Every texel of a cube map in parts: directions `w` (T, P, 3) and solid angles (T, P), for a narrow highlight.
+
+    Those texels are divided whose half vector has slopes below `reach`, or would have within the `extent` of a texel.
+    """
+
+    w: np.ndarray
+    angles: np.ndarray
+    reach: float
+    extent: float
+
+    @classmethod
+    def of(cls, reflectance: Reflectance, size: int) -> "_TexelParts | None":
+        """For maps of `size` texels along a face; None where the highlight is wider than a texel."""
+        width = half_width(reflectance)
+        times = texel_divisions(width, size)
+        if not times:
+            return None
+        # Twice as fine as the sum of the separate lobe, which is judged by this.
+        across = 2 << times
+        finer = size * across
+
+        def parts(values: np.ndarray) -> np.ndarray:
+            shape = (cube.FACES, size, across, size, across, *values.shape[3:])
+            return values.reshape(shape).swapaxes(2, 3).reshape(cube.FACES * size**2, across**2, *values.shape[3:])
+
+        solid = np.broadcast_to(cube.solid_angles(finer), (cube.FACES, finer, finer))
+        return cls(parts(cube.directions(finer)), parts(solid), _REACH * width, 2 / size)
+
+    def divided(
+        self, lit: np.ndarray, wi: np.ndarray, angles: np.ndarray, rows: np.ndarray, wo: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Texels `lit` (L,) with directions `wi` in the frame `rows` and solid angles; the highlight's in parts."""
+        h = wi + wo
+        near = np.hypot(h[:, 0], h[:, 1]) < self.reach * h[:, 2] + self.extent
+        fine = lit[near]
+        count = self.w.shape[1]
+        return (
+            np.concatenate((lit[~near], fine.repeat(count))),
+            np.concatenate((wi[~near], self.w[fine].reshape(-1, 3) @ rows.T)),
+            np.concatenate((angles[~near], self.angles[fine].reshape(-1))),
+        )
 
 
 def seen_vertices(

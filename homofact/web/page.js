@@ -97,6 +97,11 @@ class View {
     this.pending ??= requestAnimationFrame(() => this.frame());
   }
 
+  /** Whether nothing is left to draw. */
+  get idle() {
+    return this.pending === null && !this.dirty.moving;
+  }
+
   size() {
     const canvas = this.cards.get(this.state.visible[0]).canvas;
     const ratio = Math.min(window.devicePixelRatio || 1, 2);
@@ -243,6 +248,7 @@ async function begin() {
     get sky() { return view.sky; },
     get firstFrameMs() { return view.firstFrameMs; },
     get frames() { return view.frames; },
+    get idle() { return view.idle; },
     get passes() { return view.stage.passes; },
   };
 }

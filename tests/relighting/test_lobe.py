@@ -81,11 +81,11 @@ def test_a_sum_is_that_of_every_texel(material: Reflectance, sky: str) -> None:
     """Of a lamp of one texel, which lights half of it, and of soft boxes: over vertices that the eye sees."""
     radiance = studio() if sky == "studio" else lamp()
     exact = seen().dense(radiance, SIZE, lobe_of(material))
-    found = apart(material).at(points(seen()), LightCells.of(radiance))
+    found = apart(material).at(points(seen()), apart(material).cells(radiance))
     assert relative(found, exact) < 0.025
     # Vertices that are turned away send nothing.
     turned = replace(points(seen()), wo=seen().wo * (1, 1, -1))
-    assert not apart(material).at(turned, LightCells.of(radiance)).any()
+    assert not apart(material).at(turned, apart(material).cells(radiance)).any()
 
 
 def test_all_vertices_are_those_one_by_one() -> None:
@@ -143,9 +143,8 @@ def test_cells_hold_all_the_light_on_every_level(size: int) -> None:
         assert (extent**2).sum() == pytest.approx(4 * math.pi, rel=1e-5)
         assert (cells.light[first:last] * extent[:, None] ** 2).sum(0) == pytest.approx(flux, rel=1e-4)
         assert np.linalg.norm(cells.places[first:last, :3], axis=1) == pytest.approx(1, abs=1e-5)
-        # Divided where a texel in it is bright; a texel itself never.
         within = bright[:, morton_order(size)].reshape(6, -1, 4**level).any(2).reshape(-1)
-        assert np.array_equal(extent < 0, within & (level > 0))
+        assert np.array_equal(extent < 0, within)
 
 
 def test_a_cell_lies_in_the_middle_of_its_parts() -> None:

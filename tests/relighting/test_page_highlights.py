@@ -13,7 +13,6 @@ from relit_scene import CAMERA
 
 from homofact.relighting.errors import relative
 from homofact.relighting.lit import LitObject
-from homofact.relighting.lobe_light import LightCells
 from homofact.relighting.page.build import PageReference, write_page
 from homofact.relighting.picture import surface_points
 from homofact.rendering.tonemap import encode_srgb
@@ -82,7 +81,8 @@ def expected(number: int) -> tuple[np.ndarray, np.ndarray]:
     own = (at[:, 0], at[:, 1], np.zeros(len(at), int))
     points = surface_points(each.mesh, hits[own] - first, shares[own], -rays[own])
     terms = colours_of(each, given.skies[0].cube, CAMERA.eye, each.basis.factors.terms)
-    lit = LitObject(each.basis, np.zeros(0), each.lobe, LightCells.of(given.skies[0].cube))
+    assert each.lobe is not None
+    lit = LitObject(each.basis, np.zeros(0), each.lobe, each.lobe.cells(given.skies[0].cube))
     return at, points.mixed(terms.astype(np.float64)) + lit.lobe_at(points)
 
 

@@ -34,6 +34,7 @@ from homofact.relighting.page.skies import PageSky
 from homofact.relighting.precompute import WaveletTransport
 from homofact.relighting.sight import sight_words
 from homofact.relighting.sunlight import Sunlight
+from homofact.relighting.texel_pattern import texel_divisions
 from homofact.relighting.tilted_view import TiltedView
 from homofact.rendering.tonemap import encode_srgb
 from homofact.scene.cameras import Camera
@@ -218,7 +219,7 @@ def _object(given: PageObject, colours: np.ndarray | None) -> dict[str, Any]:
         "basis": _basis(given.basis),
         "mix": mix,
         "reference": None if colours is None else _halves(colours),
-        "lobe": None if given.lobe is None else _lobe(given.lobe),
+        "lobe": None if given.lobe is None else _lobe(given.lobe, given.basis.settings.cube),
         "sunlight": None if given.sunlight is None else _sunlight(given.sunlight, mesh.positions),
         "tint": None if given.tint is None else _tint(given.tint, transport.factors.tinted),
         "bumps": None if given.bumps is None or given.tilted is None else _bumps(given.bumps, given.tilted),
@@ -226,9 +227,13 @@ def _object(given: PageObject, colours: np.ndarray | None) -> dict[str, Any]:
     }
 
 
-def _lobe(lobe: SeparateLobe) -> dict[str, Any]:
-    """Words of 64 texels that a vertex sees as bytes, the lowest first: in this order, deflate packs them best."""
-    return {**_table(lobe.table), "sight": pack(np.ascontiguousarray(lobe.sight.plain, "<u8").view(np.uint8))}
+def _lobe(lobe: SeparateLobe, size: int) -> dict[str, Any]:
+    """Words of 64 texels that a vertex sees as bytes, the lowest first: in this order, deflate packs them best.
+
+    `divisions` of the texels of a cube map of `size`.
+    """
+    sight = pack(np.ascontiguousarray(lobe.sight.plain, "<u8").view(np.uint8))
+    return {**_table(lobe.table), "divisions": texel_divisions(lobe.table.half_width, size), "sight": sight}
 
 
 def _table(table: LobeTable) -> dict[str, Any]:

@@ -3,13 +3,14 @@
 
 const STEEPEST = (89.7 * Math.PI) / 180, LEAST_COSINE = Math.cos(STEEPEST);
 // The widest cell in slopes of h, as a part of the table's width; beyond slopes of CORE widths it may grow with the slope.
-const WIDEST = 0.25, CORE = 0.7;
-// A cell is always divided where one texel of it holds more of all the light.
+// Parts of a bright texel grow beyond slopes of NEAR widths alone.
+const WIDEST = 0.25, CORE = 0.7, NEAR = 2;
+// A cell is bright where one texel of it holds more of all the light: it is always divided into texels.
 const BRIGHT = 1e-3;
 // Cells along a face of the coarsest level, and of a whole face.
 const ROOTS = 8, ROOT_CELLS = ROOTS * ROOTS;
-// Numbers of a cell: direction, signed size, radiance, one unused.
-const CELL = 8;
+// Numbers of a cell: direction, signed size, radiance, one unused. Cells in a row of their texture, two texels each.
+const CELL = 8, CELLS_ACROSS = 1024;
 
 // The nodes of a table lie evenly in ln(1 + PEAK |s|/width) up to |s| = FARTHEST (lobe_table.py).
 const PEAK = 8, FARTHEST = 20;
@@ -57,6 +58,40 @@ function solidAngle(i, j, n) {
   return corner(i + 1, j + 1) - corner(i, j + 1) - corner(i + 1, j) + corner(i, j);
 }
 
+/** Direction and size of the cell of a face at a place in Morton's order, into `values` from `to` on. */
+function writeCell(values, to, face, place, size, solid) {
+  const [row, column] = mortonPlace(place), point = facePoint(face, (2 * row + 1) / size - 1, (2 * column + 1) / size - 1);
+  const length = Math.hypot(...point);
+  for (let k = 0; k < 3; k++) values[to + k] = point[k] / length;
+  values[to + 3] = Math.sqrt(solid);
+}
+
+/**
+ * The parts of texels that are divided, `divisions` times, for lobes narrower than a texel: `starts` of their levels, the
+ * finest first, counted from `begin` on. They never change: their light is that of the texel.
+ */
+function texelParts(n, divisions, begin) {
+  texelParts.known ??= new Map();
+  const key = `${n} ${divisions} ${begin}`;
+  if (texelParts.known.has(key)) return texelParts.known.get(key);
+  const starts = [];
+  let count = 0;
+  for (let more = divisions; more > 0; more--) {
+    starts.push(begin + count);
+    count += FACES * (n << more) ** 2;
+  }
+  const values = new Float32Array(CELL * count);
+  starts.forEach((start, k) => {
+    const size = n << (divisions - k), own = size * size;
+    for (let at = 0; at < FACES * own; at++) {
+      writeCell(values, CELL * (start - begin + at), Math.floor(at / own), at % own, size, solidAngle(...mortonPlace(at % own), size));
+    }
+  });
+  const made = { starts, count, values };
+  texelParts.known.set(key, made);
+  return made;
+}
+
 /** Cells of all levels of a cube map of n × n texels a face, as `LightCells` has them, without light. */
 function cellPlaces(n) {
   cellPlaces.known ??= new Map();
@@ -75,11 +110,11 @@ function cellPlaces(n) {
     if (k > 0) solid = Float64Array.from({ length: FACES * own }, (_, at) => solid[4 * at] + solid[4 * at + 1] + solid[4 * at + 2] + solid[4 * at + 3]);
     angles.push(solid);
     for (let at = 0; at < FACES * own; at++) {
-      const face = Math.floor(at / own), [row, column] = mortonPlace(at % own);
-      const point = facePoint(face, (2 * row + 1) / size - 1, (2 * column + 1) / size - 1), length = Math.hypot(...point);
-      values.set(point.map((x) => x / length), CELL * (start + at));
-      values[CELL * (start + at) + 3] = Math.sqrt(solid[at]);
-      if (k === 0) texels[at] = (face * n + row) * n + column;
+      const face = Math.floor(at / own);
+      writeCell(values, CELL * (start + at), face, at % own, size, solid[at]);
+      if (k > 0) continue;
+      const [row, column] = mortonPlace(at % own);
+      texels[at] = (face * n + row) * n + column;
     }
   });
   const made = { n, starts, count, values, texels, angles };
@@ -87,8 +122,11 @@ function cellPlaces(n) {
   return made;
 }
 
-/** The cells of a cube map of radiance (6 n² × 3): `values` has CELL numbers of each, its size below 0 where it is never whole. */
-function lightCells(radiance, n) {
+/**
+ * The cells of a cube map of radiance (6 n² × 3), texels and larger: `values` has CELL numbers of each, its size below 0
+ * where it is bright. `parts` are those of divided texels, whose numbers begin at a new row of the card's texture.
+ */
+function lightCells(radiance, n, divisions = 0) {
   const { starts, count, values: places, texels, angles } = cellPlaces(n), values = places.slice();
   let flux = new Float64Array(3 * texels.length), peak = new Float64Array(texels.length), all = 0;
   texels.forEach((texel, at) => {
@@ -111,17 +149,18 @@ function lightCells(radiance, n) {
     for (let at = 0; at < own; at++) {
       const to = CELL * (start + at);
       for (let c = 0; c < 3; c++) values[to + 4 + c] = flux[3 * at + c] / angles[k][at];
-      // A texel itself is not divided.
-      if (k > 0 && peak[at] > BRIGHT * all) values[to + 3] = -values[to + 3];
+      if (peak[at] > BRIGHT * all) values[to + 3] = -values[to + 3];
     }
   });
-  return { n, starts, count, values };
+  const begin = CELLS_ACROSS * Math.ceil(count / CELLS_ACROSS), parts = texelParts(n, divisions, begin);
+  return { n, divisions, starts: [...parts.starts, ...starts], count, values, begin, parts };
 }
 
 /** Levels of the cube map of light that are finer than the one of which vertices know what they see. */
-function finerLevels(words, n) {
+function finerLevels(words, { n, divisions }) {
+  const most = n << divisions;
   // Bits of a face against its texels.
-  return Math.max(0, Math.round(Math.log2((n * n) / ((words * 32) / FACES)) / 2));
+  return Math.max(0, Math.round(Math.log2((most * most) / ((words * 32) / FACES)) / 2));
 }
 
 function bitsSet(word) {
@@ -180,22 +219,26 @@ function tableAt({ levels, turns, nodes, period }, ox, oy, oz) {
 
 /** The sum over the cells at a vertex with `frame` (turned tangent, binormal, normal), before it is divided by cosθo. */
 function lobeAt(lobe, vertex, frame, across, oz, grids, cells) {
-  const { width, nodes, values, sight, words } = lobe, { n, starts, values: all } = cells;
+  const { width, nodes, values, sight, words } = lobe, { starts, divisions, begin, parts } = cells, least = divisions - lobe.divisions;
   const [xx, xy, xz, yx, yy, yz, zx, zy, zz] = frame, top = starts.length - 1, texels = ROOT_CELLS << (2 * top);
-  const finer = finerLevels(words, n), sights = texels >> (2 * finer), mid = (nodes - 1) / 2, row = 3 * nodes;
+  const finer = finerLevels(words, cells), sights = texels >> (2 * finer), mid = (nodes - 1) / 2, row = 3 * nodes;
   let red = 0, green = 0, blue = 0;
   for (let face = 0; face < FACES; face++) {
-    let place = 0, k = top;
+    let place = 0, k = top, bright = false;
     while (place < texels) {
-      const cell = CELL * (starts[k] + ((face * texels + place) >> (2 * k)));
+      const number = starts[k] + ((face * texels + place) >> (2 * k)), divides = k < divisions;
+      const all = divides ? parts.values : cells.values, cell = CELL * (divides ? number - begin : number);
       const dx = all[cell], dy = all[cell + 1], dz = all[cell + 2], wide = all[cell + 3], extent = Math.abs(wide);
       const z = zx * dx + zy * dy + zz * dz;
       let divided = false;
+      // Of the parts of a texel, which come after it, too.
+      if (!divides) bright = wide < 0;
       if (z > -0.5 * extent - 0.25 * extent * extent) {
         const short = 1 / (Math.max(z, 0) + oz);
         const hx = (xx * dx + xy * dy + xz * dz + across) * short, hy = (yx * dx + yy * dy + yz * dz) * short;
         const slope = Math.sqrt(hx * hx + hy * hy);
-        divided = k > 0 && (wide < 0 || extent * short > WIDEST * Math.max(width, slope + (1 - CORE) * width));
+        const within = extent * short, near = bright && k <= divisions && slope < NEAR * width + within;
+        divided = k > least && ((bright && k > divisions) || within > WIDEST * (near ? width : Math.max(width, slope + (1 - CORE) * width)));
         if (!divided && z > 0) {
           const size = 1 << (2 * Math.max(k - finer, 0)), at = face * sights + (place >> (2 * finer));
           const part = seenPart(sight, vertex * words, at, size);
@@ -213,9 +256,10 @@ function lobeAt(lobe, vertex, frame, across, oz, grids, cells) {
               f1 += w00 * values[t + 1] + w01 * values[t + 4] + w10 * values[u + 1] + w11 * values[u + 4];
               f2 += w00 * values[t + 2] + w01 * values[t + 5] + w10 * values[u + 2] + w11 * values[u + 5];
             }
-            red += seen * f0 * all[cell + 4];
-            green += seen * f1 * all[cell + 5];
-            blue += seen * f2 * all[cell + 6];
+            const light = CELL * (divides ? starts[divisions] + ((face * texels + place) >> (2 * divisions)) : number) + 4;
+            red += seen * f0 * cells.values[light];
+            green += seen * f1 * cells.values[light + 1];
+            blue += seen * f2 * cells.values[light + 2];
           }
         }
       }

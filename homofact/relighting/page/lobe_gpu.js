@@ -1,7 +1,7 @@
 // A separate lobe on the graphics card: the sum of lobe.js in a shader, and the textures that it reads.
 
-// Cells in a row of their texture, two texels each.
-const CELLS_ACROSS = 1024;
+// Levels of cells: 8 × 8 to 64 × 64 a face, and texels divided twice.
+const MOST_LEVELS = 6;
 // The least cosine to the eye of a normal between vertices.
 const BENT = 0.02;
 const LOBE_UNITS = { cells: 2, table: 3, sight: 4 };
@@ -17,9 +17,11 @@ uniform highp usampler2D u_sight;
 uniform float u_lobe_scale;
 uniform float u_lobe_width;
 uniform float u_lobe_period;
-uniform int u_starts[4];
+uniform int u_starts[${MOST_LEVELS}];
 uniform int u_top;
 uniform int u_finer;
+uniform int u_divisions;
+uniform int u_least;
 
 const float STEEPEST = ${STEEPEST.toFixed(9)};
 const int NODES = ${nodes};
@@ -82,16 +84,21 @@ ${tinted ? "  lobeTinted = mix(LOBE_TINTED[low], LOBE_TINTED[low + 1], up);\n" :
   vec3 sum = vec3(0.0);
   for (int face = 0; face < ${FACES}; face++) {
     int place = 0, k = u_top;
+    bool bright = false;
     while (place < texels) {
       int cell = u_starts[k] + ((face * texels + place) >> (2 * k));
       vec4 d = cellPart(cell, 0);
       float z = dot(n, d.xyz), extent = abs(d.w);
       bool divided = false;
+      // Of the parts of a texel, which come after it, too.
+      if (k >= u_divisions) bright = d.w < 0.0;
       if (z > -0.5 * extent - 0.25 * extent * extent) {
         float unit = 1.0 / (max(z, 0.0) + oz);
         vec2 h = vec2(dot(x, d.xyz) + across, dot(y, d.xyz)) * unit;
         float slope = length(h);
-        divided = k > 0 && (d.w < 0.0 || extent * unit > ${WIDEST} * max(u_lobe_width, slope + ${(1 - CORE).toFixed(3)} * u_lobe_width));
+        float within = extent * unit, own = max(u_lobe_width, slope + ${(1 - CORE).toFixed(3)} * u_lobe_width);
+        if (bright && k <= u_divisions && slope < ${NEAR.toFixed(1)} * u_lobe_width + within) own = u_lobe_width;
+        divided = k > u_least && ((bright && k > u_divisions) || within > ${WIDEST} * own);
         if (!divided && z > 0.0) {
           float seen = seenPart(face * sights + (place >> (2 * u_finer)), 1 << (2 * max(k - u_finer, 0)));
           if (seen > 0.0) {
@@ -99,7 +106,8 @@ ${tinted ? "  lobeTinted = mix(LOBE_TINTED[low], LOBE_TINTED[low + 1], up);\n" :
 ${turns === 1 ? `            vec3 f = mix(tableAt(at, 0, low), tableAt(at, 0, low + 1), up);
 ` : `            vec3 f = mix(mix(tableAt(at, first, low), tableAt(at, first, low + 1), up),
               mix(tableAt(at, second, low), tableAt(at, second, low + 1), up), over);
-`}            sum += seen * extent * extent * f * cellPart(cell, 1).rgb;
+`}            int lit = k < u_divisions ? u_starts[u_divisions] + ((face * texels + place) >> (2 * u_divisions)) : cell;
+            sum += seen * extent * extent * f * cellPart(lit, 1).rgb;
           }
         }
       }
@@ -141,18 +149,24 @@ class CellsOnGpu {
   constructor(gl) {
     this.gl = gl;
     this.texture = makeTexture(gl, gl.TEXTURE_2D, gl.NEAREST);
-    this.rows = 0;
+    this.made = false;
   }
 
   upload(cells) {
-    const { gl } = this, rows = Math.ceil(cells.count / CELLS_ACROSS);
+    const { gl } = this, rows = cells.begin / CELLS_ACROSS, more = Math.ceil(cells.parts.count / CELLS_ACROSS);
     this.cells = cells;
-    this.padded ??= new Float32Array(CELL * CELLS_ACROSS * rows);
-    this.padded.set(cells.values);
     gl.bindTexture(gl.TEXTURE_2D, this.texture);
-    if (this.rows !== rows) gl.texStorage2D(gl.TEXTURE_2D, 1, gl.RGBA32F, 2 * CELLS_ACROSS, rows);
-    this.rows = rows;
-    gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, 2 * CELLS_ACROSS, rows, gl.RGBA, gl.FLOAT, this.padded);
+    const write = (values, from, count) => {
+      const padded = new Float32Array(CELL * CELLS_ACROSS * count);
+      padded.set(values);
+      gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, from, 2 * CELLS_ACROSS, count, gl.RGBA, gl.FLOAT, padded);
+    };
+    if (!this.made) {
+      gl.texStorage2D(gl.TEXTURE_2D, 1, gl.RGBA32F, 2 * CELLS_ACROSS, rows + more);
+      if (more) write(cells.parts.values, rows, more);
+      this.made = true;
+    }
+    write(cells.values, 0, rows);
   }
 }
 
@@ -194,9 +208,11 @@ class LobeOnGpu {
     gl.uniform1f(program.at("u_lobe_scale"), lobe.scale);
     gl.uniform1f(program.at("u_lobe_width"), lobe.width);
     gl.uniform1f(program.at("u_lobe_period"), lobe.period);
-    const starts = Int32Array.from({ length: 4 }, (_, k) => cells.starts[k] ?? 0);
+    const starts = Int32Array.from({ length: MOST_LEVELS }, (_, k) => cells.starts[k] ?? 0);
     gl.uniform1iv(program.at("u_starts"), starts);
     gl.uniform1i(program.at("u_top"), cells.starts.length - 1);
-    gl.uniform1i(program.at("u_finer"), finerLevels(lobe.words, cells.n));
+    gl.uniform1i(program.at("u_finer"), finerLevels(lobe.words, cells));
+    gl.uniform1i(program.at("u_divisions"), cells.divisions);
+    gl.uniform1i(program.at("u_least"), cells.divisions - lobe.divisions);
   }
 }

@@ -30,6 +30,7 @@ class View {
     };
     for (const object of objects) if (object.reference) object.seen = withReference(object, this.orbit.eye);
     this.relit = new Relit(objects, 6 * data.cube ** 2);
+    this.divisions = Math.max(0, ...objects.map((object) => object.lobe?.divisions ?? 0));
     this.stage = new Stage(by("canvas"), objects, this.lights);
     this.highlights = new Highlights(this);
     this.times = { light: null, view: null };
@@ -251,7 +252,7 @@ class View {
   /** The light of separate lobes, where there are any. */
   lightCells(radiance) {
     if (!this.stage.cells) return;
-    this.cells = lightCells(radiance, this.sky.size);
+    this.cells = lightCells(radiance, this.sky.size, this.divisions);
     this.stage.cells.upload(this.cells);
   }
 
