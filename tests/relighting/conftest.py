@@ -1,4 +1,4 @@
-"""The page of a relit scene, opened once in a headless Chromium for all tests of it."""
+"""The page of a relit scene, opened once in a headless Chromium for all tests of it, and an opened scene."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -7,9 +7,12 @@ import numpy as np
 import pytest
 import relit_scene
 from browser import browser, complaints, headless, requests
+from relighting import ball_scene
 from relit_page import colours_of, shrink
 from relit_scene import CAMERA
 
+from homofact.relighting import build
+from homofact.relighting.build import RelightScene, open_relight_scene
 from homofact.relighting.page import coarse
 from homofact.relighting.page.build import PageReference, write_page
 
@@ -48,6 +51,22 @@ def page(chromium: Any, tmp_path_factory: pytest.TempPathFactory, reference: Pag
     yield chromium
     assert complaints(chromium) == []
     assert set(requests(chromium)) <= {path.as_uri()}
+
+
+@pytest.fixture(scope="module")
+def decomposed_once() -> Iterator[None]:
+    """Materials that many scenes share are decomposed once."""
+    from relighting_cases import factored_once
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(build, "factored", factored_once)
+        yield
+
+
+@pytest.fixture(scope="module")
+def ready(decomposed_once: None, tmp_path_factory: pytest.TempPathFactory) -> RelightScene:
+    """The scene of `ball_scene`, opened."""
+    return open_relight_scene(ball_scene.read(tmp_path_factory.mktemp("scene")))
 
 
 @pytest.fixture(autouse=True)
