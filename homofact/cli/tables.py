@@ -80,12 +80,18 @@ def _opinion_tables(found: Mapping[str, Mapping[str, Any]]) -> list[Table]:
 
 
 def chart_grades(records: Sequence[Mapping[str, Any]]) -> list[Table]:
-    """Return the grade that people would give each point of a chart; none where the source is known only at samples."""
+    """Return the grade that people would give each point of a chart; none where the source is known only at samples.
+
+    A point is called "cole, 2 × 16²", and an analytic model, which has no textures, by its name alone.
+    """
+    from homofact.evaluation.chart_ledger import run_name, series_name
+
     graded = [each for each in records if (each["appearance"] or {}).get("opinion") is not None]
     several = len({each["search"] for each in graded if each["search"]}) > 1
     scores = {
-        f"{each['label']} {each['search'] + ' ' if several and each['search'] else ''}{each['textures']} ×"
-        f" {each['size']}²": each["appearance"]["opinion"]
+        run_name(
+            series_name(each["label"], each["search"] if several else ""), each["textures"], each["size"]
+        ): each["appearance"]["opinion"]
         for each in graded
     }
     table = grade_table(scores)

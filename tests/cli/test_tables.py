@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from homofact.cli.tables import cost_table
+from homofact.cli.tables import chart_grades, cost_table
 
 
 def record(shapes: list[tuple[int, int]], status: str) -> dict[str, Any]:
@@ -33,3 +33,27 @@ def test_costs_keep_names_and_words_beside_textures_of_many_sizes(name: str) -> 
     # A long name is broken, and all of it is there.
     starts = "".join(line[:12].strip() for line in lines).replace(" ", "")
     assert name.replace(" ", "") in starts or name in text
+
+
+def point(label: str, search: str, textures: int, size: int, opinion: float | None = 4.2) -> dict[str, Any]:
+    return {
+        "label": label, "search": search, "textures": textures, "size": size,
+        "appearance": None if opinion is None else {"opinion": opinion},
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("searches", "names"),
+    [
+        (("gradient", "gradient"), ["ggx", "cole, 2 × 16²", "cole, 3 × 16²"]),
+        (("gradient", "nlopt"), ["ggx", "cole (gradient), 2 × 16²", "cole (nlopt), 3 × 16²"]),
+    ],
+)
+def test_grades_name_textures_only_of_fits_that_have_them(searches: tuple[str, str], names: list[str]) -> None:
+    fits = [point("cole", search, count, 16) for count, search in zip((2, 3), searches, strict=True)]
+    (table,) = chart_grades([point("ggx", "", 0, 0), *fits])
+    assert [str(cell) for cell in table.columns[0].cells] == names
+
+
+def test_points_without_a_grade_make_no_table() -> None:
+    assert chart_grades([point("ggx", "", 0, 0, None)]) == []
