@@ -3,7 +3,7 @@
 import platform
 import shutil
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from importlib.metadata import PackageNotFoundError, requires, version
 from typing import NamedTuple
 
@@ -11,6 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from homofact.cli import options as o
+from homofact.cli.layout import add_names, plain_table
 from homofact.cli.screen import Screen
 from homofact.errors import BadInput
 from homofact.files.embedded import FOLDERS, root
@@ -66,21 +67,30 @@ def doctor(as_json: o.AsJson = False, quiet: o.Quiet = False) -> None:
         for finding in _findings():
             bar.stage(finding.name)
             findings.append(finding)
-    table = Table(box=None, pad_edge=False, show_header=False, title=f"homofact {__version__}", title_justify="left")
-    for width in (9, 17, 9, None):
-        table.add_column(overflow="fold", min_width=width)
-    before = ""
-    for part, name, state, told in findings:
-        table.add_row(Text("" if part == before else part), Text(name), Text(state, _STYLES[state]), Text(told))
-        before = part
     if not quiet:
-        screen.show(table)
+        screen.show(_findings_table(findings))
     screen.answer({"version": __version__, "findings": [each._asdict() for each in findings]})
     broken = [each.name for each in findings if each.state == "fails"]
     if broken:
         raise BadInput(
             where="doctor", found=f"{', '.join(broken)} not working", expected="everything that is installed to work"
         )
+
+
+def _findings_table(findings: Sequence[Diagnosis]) -> Table:
+    """One line per finding; the part is named once."""
+    table = plain_table(f"homofact {__version__}")
+    table.show_header = False
+    for number in range(3):
+        add_names(table, longest=max(len(each[number]) for each in findings))
+    table.add_column(overflow="fold")
+    before = ""
+    for part, name, state, told in findings:
+        if before not in ("", part):
+            table.add_section()
+        table.add_row(Text("" if part == before else part), Text(name), Text(state, _STYLES[state]), Text(told))
+        before = part
+    return table
 
 
 def _findings() -> Iterator[Diagnosis]:

@@ -172,6 +172,34 @@ def test_the_doctor_names_what_fails(monkeypatch: pytest.MonkeyPatch, capsys: py
     )
 
 
+@pytest.mark.parametrize("width", [54, 80])
+def test_the_doctor_s_table_breaks_no_word_and_names_each_part_once(
+    width: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    findings = [
+        doctor.Diagnosis("needed", "torch", "installed", "2.13.0"),
+        doctor.Diagnosis("extras", "containers", "works", "EXR, PNG and PLY files: export, environments, meshes"),
+        doctor.Diagnosis("extras", "glslangValidator", "missing", "checks the exported GLSL and HLSL of environments"),
+    ]
+    monkeypatch.setattr(doctor, "_findings", lambda: iter(findings))
+    monkeypatch.setenv("COLUMNS", str(width))
+    assert main(["doctor"]) == 0
+    said = capsys.readouterr().out
+    assert max(map(len, said.splitlines())) <= width
+    words = said.split()
+    assert words.count("extras") == 1
+    assert [word for each in findings for word in " ".join(each[1:]).split() if word not in words] == []
+    # As in the other tables, the state begins below the state.
+    starts = {line.index(each.state) for each in findings for line in said.splitlines() if each.name in line}
+    assert len(starts) == 1
+    # An empty line ends each part.
+    first, second = (
+        said.splitlines().index(line) for line in said.splitlines() if line.split()[:1] in (["needed"], ["extras"])
+    )
+    assert not said.splitlines()[second - 1].strip()
+    assert first < second
+
+
 @pytest.mark.parametrize(
     ("command", "option", "said"),
     [
