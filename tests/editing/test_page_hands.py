@@ -355,6 +355,43 @@ def test_a_curve_of_nothing_is_refused(page: Any) -> None:
     assert said == "A curve that is 0 everywhere leaves nothing to see: it stays as it was."
 
 
+@pytest.mark.parametrize(
+    ("button", "channel", "said"),
+    [
+        (3, None, "The curve has the same value at every angle, so “Narrower” changes nothing."),
+        (4, None, "The curve has the same value at every angle, so “Wider” changes nothing."),
+        (5, 1, "The channel has the same value at every angle, so “Smooth” changes nothing."),
+        (6, 1, "The curve is grey already, so “Grey” changes nothing."),
+        (1, 2, "The channel is 0 at every angle, so “Brighter” changes nothing."),
+    ],
+)
+def test_a_button_that_changes_nothing_prints_why(page: Any, button: int, channel: int | None, said: str) -> None:
+    page.execute_script(
+        "const p = homofact.page; p.controls.edit(2, p.curvesOf(2)[1].index);"
+        # A value that is not exact as a sum of its parts, so that means and readings between bands round.
+        "p.edit(p.values.map((x, i) => arguments[0] === 2 && i % 3 === 2 ? 0 : 0.1)); p.state.channel = arguments[0];",
+        channel,
+    )
+    quiet(page)
+    before = steps(page)
+    click(page, f"#shapes button:nth-child({button})")
+    note = "return document.getElementById('note').textContent"
+    assert page.execute_script(note) == said
+    assert steps(page) == before
+    # The line is about this curve, and goes with it.
+    page.execute_script("homofact.page.controls.edit(0)")
+    quiet(page)
+    assert page.execute_script(note) == ""
+
+
+def test_the_same_buttons_change_a_curve_that_is_not_flat(page: Any) -> None:
+    for button in range(1, 6):
+        before = values(page)
+        click(page, f"#shapes button:nth-child({button})")
+        assert not np.allclose(values(page), before, rtol=1e-6)
+    assert page.execute_script("return document.getElementById('note').textContent") == ""
+
+
 def test_it_fits_a_phone_and_a_desk(page: Any) -> None:
     try:
         for width, height in ((420, 900), (800, 900), (1400, 900)):

@@ -33,7 +33,7 @@ class Controls {
     click("exposure-auto", () => page.auto());
     by("exposure").addEventListener("input", () => { state.stops = Number(by("exposure").value); page.changed("picture"); });
     by("file").addEventListener("change", () => { for (const file of by("file").files) this.open(file); by("file").value = ""; });
-    fillButtons(by("shapes"), Object.entries(SHAPES).map(([name, { title, hint }]) => [title, hint, () => page.edit(shaped(name, page.values, page.curve, state.channel))]));
+    fillButtons(by("shapes"), Object.entries(SHAPES).map(([name, { title, hint }]) => [title, hint, () => page.shape(name)]));
     this.fillCurves();
     this.fillKept();
     this.follow(by("canvas"));
@@ -59,6 +59,7 @@ class Controls {
     state.material = material;
     state.curve = curve ?? own[0].index;
     state.band = Math.min(state.band, page.curve.bands - 1);
+    page.note("");
     this.fillCurves();
     this.say(`${page.material.name}, ${page.curve.term}, ${page.curve.name}`);
     page.changed("all");

@@ -110,6 +110,13 @@ class Page {
     this.changed("all");
   }
 
+  /** A shape of the whole curve as one step, or a note where it would change nothing. */
+  shape(name) {
+    const found = shaped(name, this.values, this.curve, this.state.channel);
+    if (alike(found, this.values)) this.note(unchangedBy(name, this.state.channel));
+    else this.edit(found);
+  }
+
   /** The curve from its model's numbers; those that are not named stay as they are. */
   slide(values, partly = false) {
     const { curve } = this, sliders = { ...(this.shown.sliders ?? curve.sliders), ...values };

@@ -87,14 +87,15 @@ function narrowed(values, curve, factor) {
   return found;
 }
 
-/** What buttons do to a whole curve (or one channel of it). */
+/** What buttons do to a whole curve (or one channel of it), and of which curves they change nothing. */
+const FLAT = "has the same value at every angle", NOTHING = "is 0 at every angle";
 const SHAPES = {
-  brighter: { title: "Brighter", hint: "times 1.25", of: (values) => values.map((x) => 1.25 * x) },
-  darker: { title: "Darker", hint: "divided by 1.25", of: (values) => values.map((x) => x / 1.25) },
-  narrower: { title: "Narrower", hint: "angles divided by 1.25", of: (values, curve) => narrowed(values, curve, 1.25) },
-  wider: { title: "Wider", hint: "angles times 1.25", of: (values, curve) => narrowed(values, curve, 1 / 1.25) },
-  smooth: { title: "Smooth", hint: "means over neighbouring bands", of: (values, { channels, bands }) => smoothed(values, channels, bands) },
-  grey: { title: "Grey", hint: "all channels to their mean", of: (values, { channels }) => values.map((_, i) => levelAt(values, channels, Math.floor(i / channels), null)) },
+  brighter: { title: "Brighter", hint: "times 1.25", still: NOTHING, of: (values) => values.map((x) => 1.25 * x) },
+  darker: { title: "Darker", hint: "divided by 1.25", still: NOTHING, of: (values) => values.map((x) => x / 1.25) },
+  narrower: { title: "Narrower", hint: "angles divided by 1.25", still: FLAT, of: (values, curve) => narrowed(values, curve, 1.25) },
+  wider: { title: "Wider", hint: "angles times 1.25", still: FLAT, of: (values, curve) => narrowed(values, curve, 1 / 1.25) },
+  smooth: { title: "Smooth", hint: "means over neighbouring bands", still: FLAT, of: (values, { channels, bands }) => smoothed(values, channels, bands) },
+  grey: { title: "Grey", hint: "all channels to their mean", still: "is grey already", of: (values, { channels }) => values.map((_, i) => levelAt(values, channels, Math.floor(i / channels), null)) },
 };
 
 function smoothed(values, channels, bands) {
@@ -114,4 +115,16 @@ function shaped(name, values, curve, channel) {
   const found = Float64Array.from(SHAPES[name].of(values, curve));
   if (channel === null || name === "grey") return found;
   return found.map((value, i) => (i % curve.channels === channel ? value : values[i]));
+}
+
+/** Whether two curves differ by rounding at most. */
+function alike(a, b) {
+  const most = 1e-12 * Math.max(...b);
+  return a.every((value, i) => Math.abs(value - b[i]) <= most);
+}
+
+/** A sentence on a shape that changes nothing. */
+function unchangedBy(name, channel) {
+  const { title, still } = SHAPES[name], whose = channel === null || name === "grey" ? "curve" : "channel";
+  return `The ${whose} ${still}, so “${title}” changes nothing.`;
 }
