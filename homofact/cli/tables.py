@@ -89,9 +89,9 @@ def chart_grades(records: Sequence[Mapping[str, Any]]) -> list[Table]:
     graded = [each for each in records if (each["appearance"] or {}).get("opinion") is not None]
     several = len({each["search"] for each in graded if each["search"]}) > 1
     scores = {
-        run_name(
-            series_name(each["label"], each["search"] if several else ""), each["textures"], each["size"]
-        ): each["appearance"]["opinion"]
+        run_name(series_name(each["label"], each["search"] if several else ""), each["textures"], each["size"]): each[
+            "appearance"
+        ]["opinion"]
         for each in graded
     }
     table = grade_table(scores)

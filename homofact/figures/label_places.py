@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-_RINGS = (4.0, 7.0, 12.0, 18.0, 26.0, 36.0, 48.0)  # from a point's edge to its label's, in points
+_RINGS = (2.0, 4.0, 7.0, 12.0, 18.0, 26.0, 36.0, 48.0)  # from a point's edge to its label's, in points
 _ANGLES = 24
 _SWEEPS = 12
 LEADER = 10.0  # beyond this distance a line should lead from the point to its label
@@ -32,20 +32,21 @@ def place_labels(
     *,
     others: Sequence[tuple[float, float]] = (),
     lines: Sequence[tuple[float, float]] = (),
-    radius: float = 4.0,
+    radius: float | Sequence[float] = 4.0,
 ) -> list[Place]:
     """Return a place for every label of `sizes` (width, height) beside its point, all in one unit (1/72 inch).
 
-    `points` and `others` are discs of `radius` to be left free, `lines` are places along lines to be left free
-    where that is possible, `bounds` (x0, y0, x1, y1) is what the labels should stay within.
+    `points` and `others` are discs to be left free, of one `radius` or of one each. `lines` are places along lines to
+    be left free where that is possible, `bounds` (x0, y0, x1, y1) is what the labels should stay within.
     """
     if not points:
         return []
     discs = np.array([*points, *others], dtype=float)
+    radii = np.broadcast_to(np.asarray(radius, dtype=float), len(discs))
     along = np.array(lines, dtype=float).reshape(-1, 2)
-    trials = [_trials(point, size, radius) for point, size in zip(points, sizes, strict=True)]
+    trials = [_trials(*each) for each in zip(points, sizes, radii[: len(points)].tolist(), strict=True)]
     alone = [
-        _cost_alone(boxes, rings, np.array(point), discs, along, bounds, radius)
+        _cost_alone(boxes, rings, np.array(point), discs, along, bounds, radii)
         for (boxes, rings), point in zip(trials, points, strict=True)
     ]
     paths = [np.stack([_leader(point, box) for box in boxes]) for (boxes, _), point in zip(trials, points, strict=True)]
@@ -100,7 +101,7 @@ def _cost_alone(
     discs: np.ndarray,
     along: np.ndarray,
     bounds: tuple[float, float, float, float],
-    radius: float,
+    radii: np.ndarray,
 ) -> np.ndarray:
     """What each place costs whatever the other labels do: (T,)."""
     x0, y0, x1, y1 = bounds
@@ -110,17 +111,18 @@ def _cost_alone(
         + np.clip(boxes[:, 2] - x1, 0, None)
         + np.clip(boxes[:, 3] - y1, 0, None)
     )
-    covered = _inside(boxes, discs, radius).sum(1)
+    covered = _inside(boxes, discs, radii).sum(1)
     crossed = _inside(boxes, along, 1.0).sum(1)
     # A label that is as near to another point as to its own, or a leader over one, would name the wrong one.
-    foreign = discs[np.hypot(*(discs - point).T) > 1e-6]
-    doubtful = (_gap(boxes, foreign) < (rings + radius + 2)[:, None]).sum(1)
+    apart = np.hypot(*(discs - point).T) > 1e-6
+    foreign, reach = discs[apart], radii[apart]
+    doubtful = (_gap(boxes, foreign) - reach < (rings + 2)[:, None]).sum(1)
     misled = np.zeros(len(boxes))
     for t in np.flatnonzero(rings > LEADER):
         line = _leader((float(point[0]), float(point[1])), boxes[t])
         if len(foreign):
             gaps = np.hypot(line[:, None, 0] - foreign[None, :, 0], line[:, None, 1] - foreign[None, :, 1])
-            misled[t] = (gaps.min(0) < radius).sum()
+            misled[t] = (gaps.min(0) < reach).sum()
     return (
         0.4 * rings
         + 30.0 * covered
@@ -151,8 +153,8 @@ def _gap(boxes: np.ndarray, places: np.ndarray) -> np.ndarray:
     return np.hypot(gap_x, gap_y)
 
 
-def _inside(boxes: np.ndarray, places: np.ndarray, margin: float = 0.0) -> np.ndarray:
-    """Whether each place (P, 2) is within `margin` of each box: (T, P)."""
+def _inside(boxes: np.ndarray, places: np.ndarray, margin: float | np.ndarray = 0.0) -> np.ndarray:
+    """Whether each place (P, 2) is within `margin`, one or (P,), of each box: (T, P)."""
     return _gap(boxes, places) <= margin
 
 

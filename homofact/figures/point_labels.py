@@ -15,12 +15,13 @@ Place = tuple[float, float]
 
 @dataclass(frozen=True)
 class PointLabel:
-    """The `words` at the point `at`, in data coordinates, in a colour."""
+    """The `words` at the point `at`, in data coordinates, in a colour; the point's marker has a `radius` in points."""
 
     words: str
     at: Place
     colour: str
     bold: bool = False
+    radius: float = 4.5
 
 
 def label_points(
@@ -30,9 +31,8 @@ def label_points(
     paths: Sequence[Sequence[Place]] = (),
     *,
     fontsize: float = 7.5,
-    radius: float = 4.5,
 ) -> None:
-    """Write `labels` into `axes`, off each other's points (discs of `radius` points) and, where possible, `paths`.
+    """Write `labels` into `axes`, off each other's points and, where possible, `paths`.
 
     `paths` are corners of lines in data coordinates. The figure's layout has to be final. All places are worked out in
     1/72 inch, so that they are the same whatever the picture's pixels.
@@ -65,10 +65,11 @@ def label_points(
         [(extent.width * scale + 1, extent.height * scale) for extent in extents],
         (frame.x0 * scale, frame.y0 * scale, frame.x1 * scale, frame.y1 * scale),
         lines=[point for path in paths for point in _along([place(corner) for corner in path])],
-        radius=radius,
+        radius=[label.radius for label in labels],
     )
-    for text, label, (x, y), chosen_place in zip(texts, labels, places, chosen, strict=True):
-        text.set_position((chosen_place.box[0] - x + 0.5, chosen_place.box[1] - y))
+    for text, label, extent, (x, y), chosen_place in zip(texts, labels, extents, places, chosen, strict=True):
+        # An extent begins below its text's baseline, which is what is placed.
+        text.set_position((chosen_place.box[0] - extent.x0 * scale + 0.5, chosen_place.box[1] - extent.y0 * scale))
         if chosen_place.leader:
             end = nearest_edge((x, y), chosen_place.box)
             arrow = {"arrowstyle": "-", "linewidth": 0.6, "color": text.get_color(), "shrinkA": 0, "shrinkB": 3}

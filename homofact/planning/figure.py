@@ -34,6 +34,7 @@ _LIMIT = "#b03030"
 _LEAST = 1e-3
 # Errors whose logarithms differ by less lie on one spot of the panel.
 _SAME = 0.05
+_MARKER, _RING = 6.0, 14.0  # across, in points
 _MOST_LETTERS, _MOST_NAMES, _FEWEST_ROWS = 32, 30, 3
 
 
@@ -115,10 +116,10 @@ def _asked(axes: Axes, distinct: tuple[MaterialPlan, ...]) -> None:
             hollow = spot.shown.storage == WHOLE
             face = "white" if hollow else colour
             kind = ONE_COLOUR if spot.shown.is_colour else spot.shown.method
-            axes.plot(*spot.place, _MARKERS[kind], color=colour, ms=6, mfc=face, zorder=3)
+            axes.plot(*spot.place, _MARKERS[kind], color=colour, ms=_MARKER, mfc=face, zorder=3)
             drawn[kind, hollow] = None
             if spot.chosen:
-                axes.plot(*spot.place, "o", ms=14, mfc="none", mec=colour, mew=1.8, zorder=4)
+                axes.plot(*spot.place, "o", ms=_RING, mfc="none", mec=colour, mew=1.8, zorder=4)
             errors.append(spot.place[1])
             sizes.append(spot.place[0])
     axes.axhline(1, color=_LIMIT, lw=1.2, ls="--", zorder=0)
@@ -161,11 +162,12 @@ def _name_points(figure: Figure, axes: Axes, distinct: tuple[MaterialPlan, ...])
                 spot.place,
                 _COLOURS[k % len(_COLOURS)],
                 spot.chosen,
+                _RING / 2 + 1 if spot.chosen else _MARKER / 2,
             )
             for spot in spots
             if few or spot.chosen
         ]
-    label_points(figure, axes, named, paths, fontsize=8, radius=8)
+    label_points(figure, axes, named, paths, fontsize=8)
 
 
 def _bars(plan: MaterialPlan) -> list[tuple[str, float, float]]:

@@ -155,6 +155,21 @@ def test_labels_find_room_among_forty_points(seed: int) -> None:
     assert place_labels([], [], (0, 0, 1, 1)) == []
 
 
+def test_a_label_is_as_far_from_its_point_as_the_point_s_own_radius_asks_for() -> None:
+    points, radii = [(100.0, 100.0), (300.0, 100.0), (500.0, 100.0)], [3.0, 8.0, 20.0]
+    places = place_labels(points, [(30.0, 9.0)] * 3, (0, 0, 600, 200), radius=radii)
+    for (x, y), radius, place in zip(points, radii, places, strict=True):
+        x0, y0, x1, y1 = place.box
+        apart = np.hypot(x - np.clip(x, x0, x1), y - np.clip(y, y0, y1))
+        assert radius < apart <= radius + 3
+        assert not place.leader
+    # A large disc is left free by the labels of others too.
+    beside = place_labels(
+        [(100.0, 100.0)], [(30.0, 9.0)], (0, 0, 600, 200), others=[(130.0, 100.0)], radius=[3.0, 25.0]
+    )
+    assert beside[0].box[2] < 106
+
+
 @pytest.mark.parametrize("low", [1e-9, 3e-5, 0.021, 0.4, 7.0, 3000.0])
 @pytest.mark.parametrize("span", [1.5, 3.0, 20.0, 1e3, 1e8])
 @pytest.mark.parametrize("most", [5, 9])

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from matplotlib.text import Annotation
 from plan_cases import PAINT, fits_of
 
 from homofact.planning import figure
@@ -85,3 +86,17 @@ def test_the_key_covers_no_point_and_no_name(drawn: Figure) -> None:
     points = [left.transData.transform((rung.most_bytes(3), error)) for rung, error in ERRORS.items()]
     assert not any(box.contains(*point) for point in points)
     assert not any(box.overlaps(text.get_window_extent()) for text in left.texts if text.get_text())
+
+
+def test_each_name_is_beside_its_own_marker_and_on_nothing_else(drawn: Figure) -> None:
+    left, point = drawn.axes[0], drawn.dpi / 72
+    names = [text for text in left.texts if isinstance(text, Annotation) and text.get_text()]
+    assert len(names) == len(ERRORS)
+    boxes = [name.get_window_extent() for name in names]
+    places = [left.transData.transform((float(name.xy[0]), float(name.xy[1]))) for name in names]
+    for k, (name, box, (x, y)) in enumerate(zip(names, boxes, places, strict=True)):
+        apart = np.hypot(x - np.clip(x, box.x0, box.x1), y - np.clip(y, box.y0, box.y1)) / point
+        # From the marker's edge, or the ring's: about a letter's width.
+        assert 0 < apart - (7 if name.get_fontweight() == "bold" else 3) < 4
+        assert not any(box.overlaps(other) for other in boxes[k + 1 :])
+        assert not any(box.contains(*other) for other in places)
