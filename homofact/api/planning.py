@@ -210,7 +210,7 @@ def plan(
         options = FitOptions(**vars(settings), seed=asked.seed)
         fits: dict[str, Any] = {}
         clock = PlanClock(steps.expect)
-        found = with_larger_measured(plan_scene(asked, options, fits, clock), clock.larger)
+        found = with_larger_measured(plan_scene(asked, options, fits, clock, larger=True), clock.larger)
         other = None
         if other_lighting is not None:
             other = plan_scene(replace(asked, lightings=(other_lighting,)), options, fits, clock)

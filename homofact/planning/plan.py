@@ -226,8 +226,11 @@ def plan_scene(
     options: FitOptions | None = None,
     fits_by_source: dict[str, MaterialFits] | None = None,
     clock: PlanClock | None = None,
+    larger: bool = False,
 ) -> ScenePlan:
     """Plan a scene; `fits_by_source` carries fits over from another plan, `clock` hears which fit is at work.
+
+    If `larger`, the clock also expects the fits of `neighbours.with_larger_measured`, which the caller runs next.
 
     Raises BadInput as `plan_material`, for sources that cannot be read, and for materials that reflect nothing of the
     lighting.
@@ -236,7 +239,7 @@ def plan_scene(
     known = {} if fits_by_source is None else fits_by_source
     clock = PlanClock(lambda words, spent, left: None) if clock is None else clock
     distinct_keys = {material.key for material in scene.materials}
-    clock.expect(len(distinct_keys), len(distinct_keys))
+    clock.expect(len(distinct_keys), len(distinct_keys) if larger else 0)
     clock.stage("preparing the lighting")
     stages = tuple(Stage.of(lighting, scene.seed) for lighting in scene.lightings)
     under = f"under {' and '.join(lighting.name for lighting in scene.lightings)}"

@@ -8,7 +8,11 @@ from plan_cases import PAINT, fits_of
 from homofact.planning import clock as module
 from homofact.planning.clock import LARGER, USUAL, PlanClock
 from homofact.planning.ladder import CONSTANT, Candidate, fits_among, ladder
+from homofact.planning.plan import plan_scene
+from homofact.planning.scene import Scene, SceneMaterial
 from homofact.planning.search import BEST_PART, LadderOutcome, walk
+from homofact.planning.tolerance import Tolerance
+from homofact.scene.lighting import named_lighting
 
 FIRST, SECOND = Candidate("search", 1, 8), Candidate("search", 2, 16)
 
@@ -34,6 +38,25 @@ def test_a_time_is_expected_before_the_first_fit(now: list[float]) -> None:
     assert said[-1] == ("reading own", 0.0, (3 * USUAL + 3 * LARGER) * module._UNREAD)
     found.material(fits_of(PAINT), "planning own")
     assert said[-1] == ("planning own", 0.0, (USUAL + 2 * USUAL + 3 * LARGER) * 2.0)
+
+
+@pytest.mark.parametrize(("larger", "steps"), [(True, 2), (False, 0)])
+def test_a_plan_expects_larger_steps_only_where_they_follow(larger: bool, steps: int, now: list[float]) -> None:
+    found, said = clock(now)
+
+    class Begun(Exception):
+        """The plan has said what it expects."""
+
+    def stop(words: str) -> None:
+        PlanClock.stage(found, words)
+        raise Begun
+
+    found.stage = stop
+    two = (SceneMaterial("material:phong-10", 1.0), SceneMaterial("material:lafortune-clay", 0.5))
+    scene = Scene("two", two, (named_lighting("studio"),), Tolerance.of(delta_e=1.0))
+    with pytest.raises(Begun):
+        plan_scene(scene, clock=found, larger=larger)
+    assert said[-1][2] == (2 * USUAL + steps * LARGER) * module._UNREAD
 
 
 def test_what_fits_take_corrects_the_rest(now: list[float]) -> None:
