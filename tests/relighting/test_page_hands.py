@@ -164,3 +164,13 @@ def test_without_unpacking_the_page_says_so(chromium: Any, page: Any, tmp_path: 
         chromium.close()
         chromium.switch_to.window(chromium.window_handles[0])
     assert said.startswith("This browser cannot unpack the page's data.")
+
+
+def test_the_heading_names_each_mesh_once_with_the_materials_that_share_it(page: Any) -> None:
+    assert page.execute_script("return document.getElementById('objects').textContent") == (
+        "knot, coloured lobes · ground, grey"
+    )
+    shared = [("ball", "gold"), ("ground", "grey"), ("ball", "clay"), ("ball", "gold"), ("ball", "paint")]
+    assert page.execute_script(
+        "return homofact.objectsInWords(arguments[0].map(([name, material]) => ({name, material})))", shared
+    ) == ("ball, gold, clay and paint · ground, grey")

@@ -161,3 +161,30 @@ def test_only_an_object_with_a_lobe_has_such_programs(still: Any) -> None:
     assert still.execute_script("return homofact.view.stage.objects.map((o) => Boolean(o.apart))") == [
         number in APART for number in range(len(keys))
     ]
+
+
+def test_the_page_says_how_much_of_the_highlights_is_refined_until_all_are(still: Any) -> None:
+    place = "const place = document.getElementById('drawing');"
+    assert still.execute_script(f"{place} return [place.hidden, place.textContent]") == [True, ""]
+    # A card so slow that a frame has two rows.
+    said = still.execute_async_script(
+        f"{place} const done = arguments[0], v = homofact.view, h = v.highlights, said = [];"
+        "const strip = h.strip; h.strip = () => { h.pace = 1e9; return strip.call(h); };"
+        "v.changed('picture');"
+        "(function look() { said.push(place.hidden ? '' : place.textContent);"
+        " if (homofact.idle) { delete h.strip; h.pace = 0.03; done(said); } else requestAnimationFrame(look); })();"
+    )
+    shown = [words for words in said if words]
+    assert len(shown) > 5
+    shares = [int(words.removeprefix("Refining highlights … ").removesuffix("%")) for words in shown]
+    assert shares == sorted(shares)
+    assert shares[0] < 30
+    assert 70 < shares[-1] <= 100
+    assert said[-1] == ""
+    # What moves is not refined.
+    assert still.execute_script(
+        f"{place} const v = homofact.view; v.highlights.pace = 1e9; v.frame(0); v.highlights.advance();"
+        "const before = place.hidden; v.orbit.turn(5, 0); v.changed('moving'); v.frame(0);"
+        "v.highlights.pace = 0.03; return [before, place.hidden]"
+    ) == [False, True]
+    headless.settled(still)

@@ -28,6 +28,12 @@ class Highlights {
   stop() {
     cancelAnimationFrame(this.asked);
     this.asked = null;
+    showDrawing(this.view);
+  }
+
+  /** The part of the pixels that is drawn. */
+  get share() {
+    return this.all > 0 ? this.done / this.all : 0;
   }
 
   ask() {
@@ -48,7 +54,8 @@ class Highlights {
     const { view } = this, { stage } = view, began = performance.now();
     if (!this.covered) {
       this.covered = coveredRows(stage, view.orbit);
-      this.from = 0;
+      this.from = this.done = 0;
+      this.all = this.covered.reduce((sum, pixels) => sum + pixels, 0);
       stage.shadeBetween(view);
     }
     while (this.from < this.covered.length) {
@@ -59,9 +66,11 @@ class Highlights {
         this.pace = clamped((performance.now() - start) / pixels, this.pace / 4, this.pace * 4);
       }
       this.from += rows;
+      this.done += pixels;
       if (performance.now() - began > STRIP_BUDGET / 2) break;
     }
     if (this.from < this.covered.length) this.ask();
+    showDrawing(view);
   }
 
   /** [rows, pixels of lobes in them] of the next strip: as many as the last one's pace lets into a frame. */

@@ -40,7 +40,7 @@ class View {
     this.level = this.pace = 0;
     this.last = null;
     this.moving = false;
-    by("objects").textContent = objects.map(({ name, material }) => `${name}, ${material}`).join(" · ");
+    by("objects").textContent = objectsInWords(objects);
     makeTables(by("numbers"), data.numbers);
     this.turner = new Turner((sky, light) => this.arrive(sky, light));
     const { cube, coefficients } = this.sky.light(0);
@@ -333,6 +333,7 @@ async function begin() {
     environmentCube,
     lightCells,
     lobeRadiance,
+    objectsInWords,
     readHdr,
     changed: (what = "light") => view.changed(what),
     pixels() {

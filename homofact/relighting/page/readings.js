@@ -68,6 +68,23 @@ function showScale(view) {
     element("span", {}, element("span", {}, "0"), element("span", {}, number(range / 2)), element("span", {}, `${number(range)}% of white`)));
 }
 
+/** "ball, gold and clay · ground, grey": each mesh once, with the materials of the objects that share it. */
+function objectsInWords(objects) {
+  const known = new Map();
+  for (const { name, material } of objects) known.set(name, (known.get(name) ?? new Set()).add(material));
+  return [...known].map(([name, materials]) => {
+    const all = [...materials], last = all.pop();
+    return `${name}, ${all.length ? `${all.join(", ")} and ${last}` : last}`;
+  }).join(" · ");
+}
+
+/** In the picture's corner: how much of the highlights is refined; nothing once all are, or where one frame is enough for them. */
+function showDrawing({ highlights }) {
+  const place = by("drawing");
+  place.hidden = !highlights.pending || !highlights.covered;
+  place.textContent = place.hidden ? "" : `Refining highlights … ${Math.floor(100 * highlights.share)}%`;
+}
+
 /** The line over the picture: what is pending, and how long things take. */
 function showStatus(view) {
   const { relit, times } = view, pending = relit.pending;
