@@ -1,6 +1,7 @@
 """Planning: the cheapest representation of every material of a scene that meets its tolerances."""
 
 import os
+import time
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
@@ -216,8 +217,7 @@ def plan(
             other = plan_scene(replace(asked, lightings=(other_lighting,)), options, fits, clock)
         if refusal.strict and found.warnings:
             raise BadInput(found.warnings[0])
-        steps.stage("judging the choices")
-        verdicts = _verdicts(found)
+        verdicts = _verdicts(found, steps)
         for label, verdict in verdicts.items():
             if verdict is not None:
                 refusal.check(verdict, label)
@@ -246,9 +246,19 @@ def _is_relighting(scene: Path) -> bool:
     return is_relight_scene(scene)
 
 
-def _verdicts(found: "ScenePlan") -> "dict[str, Verdict | None]":
+def _verdicts(found: "ScenePlan", steps: ProgressSteps) -> "dict[str, Verdict | None]":
     """The verdicts on the choices, where there is one, by material and choice."""
-    return {_label(material): material.verdict for material in found.distinct if material.walk.choice}
+    from homofact.evaluation.estimate import TimeEstimate, verdict_seconds
+
+    chosen = [material for material in found.distinct if material.walk.choice]
+    estimate = TimeEstimate([("verdict", verdict_seconds(len(each.fits.source.samples))) for each in chosen])
+    verdicts = {}
+    for number, material in enumerate(chosen):
+        steps.run(f"judging {_label(material)}", number, len(chosen), estimate.seconds_left)
+        begun = time.monotonic()
+        verdicts[_label(material)] = material.verdict
+        estimate.finish(number, time.monotonic() - begun)
+    return verdicts
 
 
 def _label(material: "MaterialPlan") -> str:

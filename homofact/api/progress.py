@@ -23,7 +23,8 @@ class ProgressStep:
     `left` are the seconds that are expected to be left, 0 or less where it takes longer, None where only the parts
     tell.
     A step with a `note` is a sentence for the user, and moves nothing; a `passing` one explains a wait and is of no use
-    afterwards.
+    afterwards. `task` is the name of a counted stage without its count and its figures: it stays the same from part to
+    part. It is empty where the `stage` itself is the name.
     """
 
     stage: str = ""
@@ -33,6 +34,7 @@ class ProgressStep:
     note: str = ""
     passing: bool = False
     left: float | None = None
+    task: str = ""
 
 
 Progress = Callable[[ProgressStep], object]
@@ -44,13 +46,13 @@ class ProgressSteps:
     def __init__(self, progress: Progress | None = None) -> None:
         """Take the callback."""
         self._progress = progress
-        self._stage, self._done, self._runs = "", 0, 1
+        self._stage, self._task, self._done, self._runs = "", "", 0, 1
         self._end: float | None = None  # when the call is expected to end, where a run was given its `left`
 
-    def stage(self, name: str) -> None:
-        """Begin a stage of unknown length."""
+    def stage(self, name: str, left: float | None = None) -> None:
+        """Begin a stage whose parts are not counted; it is expected to take `left` seconds, where that is known."""
         self._begin(name, 0, 1)
-        self._say(ProgressStep(name))
+        self._say(ProgressStep(name, left=left))
 
     def expect(self, name: str, passed: float, left: float) -> None:
         """Begin a stage of a call that has taken `passed` seconds and is expected to take `left` more."""
@@ -59,8 +61,8 @@ class ProgressSteps:
 
     def run(self, name: str, done: int, runs: int, left: float | None = None) -> None:
         """Begin one of several runs, of which `done` are behind it; the others are to take about `left` seconds."""
-        self._begin(f"{done + 1}/{runs} {name}", done, runs, left)
-        self._say(ProgressStep(self._stage, done, runs, left=left))
+        self._begin(f"{done + 1}/{runs} {name}", done, runs, left, name)
+        self._say(ProgressStep(self._stage, done, runs, left=left, task=name))
 
     def note(self, text: str, passing: bool = False) -> None:
         """Say a sentence."""
@@ -88,12 +90,13 @@ class ProgressSteps:
         figures = f"{at.evaluations} evaluations{best}"
         left = None if self._end is None else self._end - time.monotonic()
         if self._runs == 1:
-            self._say(ProgressStep(words, done, at.terms, figures, left=left))
+            self._say(ProgressStep(words, done, at.terms, figures, left=left, task=self._task))
         else:
-            self._say(ProgressStep(words, self._done + done / max(at.terms, 1), self._runs, figures, left=left))
+            part = self._done + done / max(at.terms, 1)
+            self._say(ProgressStep(words, part, self._runs, figures, left=left, task=self._task))
 
-    def _begin(self, stage: str, done: int, runs: int, left: float | None = None) -> None:
-        self._stage, self._done, self._runs = stage, done, runs
+    def _begin(self, stage: str, done: int, runs: int, left: float | None = None, task: str = "") -> None:
+        self._stage, self._done, self._runs, self._task = stage, done, runs, task or stage
         self._end = None if left is None else time.monotonic() + left
 
     def _say(self, step: ProgressStep) -> None:

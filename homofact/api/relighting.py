@@ -5,6 +5,7 @@ import shutil
 import time
 from collections.abc import Sequence
 from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
@@ -166,10 +167,8 @@ def _relit_scene(
     file: Any, blocks: Path | None, vertices: int, stages: Sequence[str], reference: bool, steps: ProgressSteps
 ) -> "RelightResult":
     """Open, precompute, render and judge a scene."""
-    from dataclasses import replace
-
     from homofact.relighting.build import open_relight_scene, relit_objects
-    from homofact.relighting.errors import dense_colours, scene_errors
+    from homofact.relighting.errors import dense_colours
     from homofact.relighting.result import RelightResult
     from homofact.relighting.room import check_room
     from homofact.relighting.whole_picture import picture_likeness
@@ -185,14 +184,12 @@ def _relit_scene(
     opened = time.perf_counter()
     objects = relit_objects(scene, blocks, lambda name, done, count: steps.run(name, min(done, count - 1), count))
     traced = time.perf_counter()
-    steps.stage("rendering")
     result = RelightResult.of(file, objects, {})
     light = result.sky.cube.astype(float)
-    pictures = _pictures(scene, objects, light)
+    pictures = _pictures(scene, objects, light, steps)
     errors: list[RelightErrors | None] = []
     if vertices:
-        steps.stage("measuring the error")
-        errors = scene_errors(scene, objects, vertices, stages)
+        errors = _errors(scene, objects, vertices, stages, steps)
     likeness = None
     if vertices and len(stages) > len(QUICK_STAGES):
         likeness = picture_likeness(
@@ -214,16 +211,51 @@ def _relit_scene(
     )
 
 
-def _pictures(scene: "RelightScene", objects: "Sequence[RelitObject]", light: "np.ndarray") -> "list[np.ndarray]":
+def _pictures(
+    scene: "RelightScene", objects: "Sequence[RelitObject]", light: "np.ndarray", steps: ProgressSteps
+) -> "list[np.ndarray]":
     """8-bit pictures of all cameras, under the cube map of radiance."""
+    from homofact.evaluation.estimate import TimeEstimate
+    from homofact.relighting.expected import picture_seconds
     from homofact.relighting.picture import displayed_picture, picture
 
+    steps.stage("lighting the objects")
     lit = [relit.lit(light) for relit in objects]
-    meshes, pictures = [relit.mesh for relit in objects], []
-    for camera in scene.file.cameras:
+    meshes, cameras, lights = [relit.mesh for relit in objects], scene.file.cameras, len(scene.file.lights)
+    estimate = TimeEstimate([("picture", picture_seconds(camera.pixels, lights)) for camera in cameras])
+    pictures = []
+    for number, camera in enumerate(cameras):
+        name = "rendering" if len(cameras) == 1 else f"rendering picture {number + 1} of {len(cameras)}"
+        steps.stage(name, estimate.seconds_left)
+        begun = time.monotonic()
         colours = [each.terms(camera.eye) for each in lit]
         pictures.append(displayed_picture(*picture(meshes, colours, scene.occluder, camera, scene.file.light, lit)))
+        estimate.finish(number, time.monotonic() - begun)
     return pictures
+
+
+def _errors(
+    scene: "RelightScene",
+    objects: "Sequence[RelitObject]",
+    vertices: int,
+    stages: Sequence[str],
+    steps: ProgressSteps,
+) -> "list[RelightErrors | None]":
+    """The error of each object, with the time that the rest is expected to take."""
+    from homofact.evaluation.estimate import TimeEstimate
+    from homofact.relighting.errors import scene_errors
+    from homofact.relighting.expected import error_seconds
+
+    cube, whole = scene.file.settings.cube, len(stages) > len(QUICK_STAGES)
+    jobs = [("error", error_seconds(placed.reflectance, vertices, cube, whole)) for placed in scene.objects]
+    estimate, begun = TimeEstimate(jobs), time.monotonic()
+
+    def begin(number: int) -> None:
+        if number:
+            estimate.finish_first(number, time.monotonic() - begun)
+        steps.run(f"measuring the error of {objects[number].mesh.name}", number, len(objects), estimate.seconds_left)
+
+    return scene_errors(scene, objects, vertices, stages, begin)
 
 
 def _relit_mesh(

@@ -8,7 +8,9 @@ from contextlib import contextmanager
 
 from homofact.api.progress import Progress, ProgressStep
 
-FIRST, EVERY = 2.0, 15.0  # seconds after which a stage is named, and between the lines of one stage
+# Seconds after which a stage is named, between a line and that of a new stage that counts its parts or has an expected
+# time, and between the lines of one stage.
+FIRST, SOON, EVERY = 2.0, 5.0, 15.0
 
 
 class ProgressLines:
@@ -26,7 +28,8 @@ class ProgressLines:
     def running(self) -> Iterator[Progress]:
         """Say a line after `FIRST` seconds, every `EVERY` seconds from then on, and once a new stage lasts `FIRST`.
 
-        Stages that count their parts have no line of their own, since they may change with every part.
+        A stage with parts or an expected time is named `SOON` after the line before it, since it may change with every
+        fit.
         """
         speaker = threading.Thread(target=self._speak, daemon=True)
         speaker.start()
@@ -45,12 +48,13 @@ class ProgressLines:
 
     def _speak(self) -> None:
         tick = FIRST / 2
-        silent, seen, lasted, said = EVERY - FIRST, self._step.stage, 0.0, ""
+        silent, seen, lasted, said = EVERY - FIRST, _task(self._step), 0.0, ""
         while not self._ended.wait(tick):
             step = self._step
-            silent, lasted = silent + tick, lasted + tick if step.stage == seen else 0.0
-            seen = step.stage
-            if silent >= EVERY or (step.total is None and lasted >= FIRST and seen != said):
+            silent, lasted = silent + tick, lasted + tick if _task(step) == seen else 0.0
+            seen = _task(step)
+            new = lasted >= FIRST and seen != said
+            if silent >= EVERY or (new and (step.total is None or silent >= SOON)):
                 self._say(self._words())
                 silent, said = 0.0, seen
 
@@ -67,6 +71,11 @@ class ProgressLines:
         elif passed >= EVERY:
             parts.append(f"for {duration(passed)}")
         return ", ".join(parts)
+
+
+def _task(step: ProgressStep) -> str:
+    """What is done, whatever part of it."""
+    return step.task or step.stage
 
 
 def time_left(seconds: float) -> str:

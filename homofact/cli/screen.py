@@ -8,6 +8,7 @@ prints its progress in lines, except with --json or if HOMOFACT_PROGRESS is 0 in
 import copy
 import json
 import os
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -55,8 +56,9 @@ class _TimeLeft(TimeRemainingColumn):
     """The time that a step expects to be left; rich's own, from the rate of the parts, where it expects none."""
 
     def render(self, task: Task) -> Text:
-        """Return one of the two times."""
-        return Text(task.fields["expected"]) if task.fields["expected"] else super().render(task)
+        """Return one of the two times; that of a step runs down to its `end`."""
+        end = task.fields["end"]
+        return super().render(task) if end is None else Text(time_left(end - time.monotonic()))
 
 
 class Screen:
@@ -123,14 +125,14 @@ class Screen:
         )
         # transient: a finished bar says nothing that the table does not.
         with ProgressBar(*columns, console=self._err, transient=True, expand=True) as bar:
-            task = bar.add_task("", total=None, figures="", expected="")
+            task = bar.add_task("", total=None, figures="", end=None)
 
             def show(step: ProgressStep) -> None:
                 self._say(step)
                 if not step.note:
-                    expected = "" if step.left is None else time_left(step.left)
+                    end = None if step.left is None else time.monotonic() + step.left
                     bar.update(
-                        task, description=step.stage, figures=step.figures, expected=expected, total=step.total,
+                        task, description=step.stage, figures=step.figures, end=end, total=step.total,
                         completed=step.done,
                     )  # fmt: skip
 

@@ -35,7 +35,7 @@ def fit_seconds(settings: Method, samples: int, known_terms: int = 0) -> float:
     size, textures = settings.size, settings.most_textures
     if isinstance(settings, Search) and settings.bytes is not None:
         size = math.isqrt(max(settings.bytes // (12 * textures), 1))
-    after = _ALWAYS + _SAMPLE_MEASURED * samples
+    after = verdict_seconds(samples)
     if isinstance(settings, Nbrdf):
         return after + _STEP * settings.steps
     if isinstance(settings, MODELS):
@@ -81,6 +81,11 @@ def training_count(source: Source, settings: Method, held_out: float, subset: in
     if source.samples.isotropic and not source.samples.all_azimuths and copies > 1:
         return count * copies * (2 if getattr(settings, "mirrored", False) else 1)
     return count
+
+
+def verdict_seconds(samples: int) -> float:
+    """Modelled seconds of the errors and the verdict of a fit, measured on so many samples."""
+    return _ALWAYS + _SAMPLE_MEASURED * samples
 
 
 class TimeEstimate:

@@ -12,6 +12,7 @@ from homofact.meshes.buried import with_open_origins
 from homofact.meshes.mesh import Mesh
 from homofact.meshes.occlusion import Occluder
 from homofact.relighting.clusters import Clustered, clustered
+from homofact.relighting.expected import factoring_seconds, planning_seconds
 from homofact.relighting.factored_material import AUTO, SEPARATE, FactoredMaterial, factored, in_parts
 from homofact.relighting.harmonic import Harmonic, harmonic
 from homofact.relighting.interreflection import ORDER, BounceColours, Interreflection
@@ -33,6 +34,8 @@ from homofact.scene.meshes import MeshGroup
 from homofact.scene.normal_map import SurfaceNormals
 from homofact.scene.objects import SceneObject, bounce_note, place_objects
 from homofact.scene.tint import SurfaceTint
+
+TimedStage = Callable[..., object]
 
 # Bytes of memory of a vertex and a triangle: the object's mesh, that of all, Embree's with its tree.
 _PLACE_BYTES, _TRIANGLE_BYTES = 200, 300
@@ -154,9 +157,11 @@ class RelightScene:
 
 
 def open_relight_scene(
-    file: RelightSceneFile, stage: Stage | None = None, fits: FileFits | None = None
+    file: RelightSceneFile, stage: TimedStage | None = None, fits: FileFits | None = None
 ) -> RelightScene:
     """Read the scene and place its objects; `fits` has the fits that replace files of measurements.
+
+    `stage` is called with what begins, and where they are known with the seconds that it is expected to take.
 
     Raises BadInput if a file cannot be read or has more than three channels, and for a lamp that touches an object.
     """
@@ -177,7 +182,7 @@ def open_relight_scene(
         mesh, words, reflectance = placed.mesh, placed.material.words, placed.reflectance
         if file.reflected is not None:
             if stage is not None:
-                stage(f"planning {mesh.name}")
+                stage(f"planning {mesh.name}", planning_seconds(reflectance))
             plan = plan_object(
                 mesh, words, reflectance, occluder, file.light, file.cameras[0].eye, file.reflected, file.settings,
                 table.terms, file.seed, _lobe_of(placed, table),
@@ -194,7 +199,7 @@ def open_relight_scene(
         key = (name, placed.tint is None, placed.bumps is None, table.lobe, table.terms, table.error, table.share)
         if key not in known:
             if stage is not None:
-                stage(f"factoring {Path(words).name}")
+                stage(f"factoring {Path(words).name}", factoring_seconds(reflectance))
             rule = (table.terms, table.share, table.error)
             made = factored(reflectance, _lobe_of(placed, table), *rule, light=file.light)
             known[key] = made if placed.bumps is None else made.with_normals(placed.bumps.sines)

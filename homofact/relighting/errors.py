@@ -29,7 +29,7 @@ light of all of f; where there are suns or a bounce, theirs is in this light. Th
 
 import contextlib
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -115,13 +115,21 @@ def sending_surfaces(scene: RelightScene) -> SendingSurfaces | None:
 
 
 def scene_errors(
-    scene: RelightScene, objects: Sequence[RelitObject], vertices: int, stages: Sequence[str]
+    scene: RelightScene,
+    objects: Sequence[RelitObject],
+    vertices: int,
+    stages: Sequence[str],
+    begin: Callable[[int], object] = lambda number: None,
 ) -> list[RelightErrors | None]:
-    """The error of each object at so many vertices and pixels of the first camera; None where it sees none of it."""
+    """The error of each object at so many vertices and pixels of the first camera; None where it sees none of it.
+
+    `begin` is called with the number of each object before its turn.
+    """
     found: list[RelightErrors | None] = []
     camera, seed, meshes = scene.file.cameras[0], scene.file.seed, [relit.mesh for relit in objects]
     around = sending_surfaces(scene)
     for number, (placed, relit) in enumerate(zip(scene.objects, objects, strict=True)):
+        begin(number)
         given = (relit.mesh, placed.reflectance, scene.occluder, camera.eye)
         pixels, rim, tint, bumps = None, None, placed.tint, placed.bumps
         try:

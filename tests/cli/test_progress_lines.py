@@ -139,6 +139,32 @@ def test_each_stage_that_lasts_is_named_once_and_a_passing_one_is_not(monkeypatc
     assert lines == ["loading libraries", "fitting the table", "writing"]
 
 
+def test_a_counted_stage_and_one_with_an_expected_time_are_named_once_soon(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(progress_lines, "EVERY", 60.0)
+    monkeypatch.setattr(progress_lines, "SOON", 0.3)
+    lines: list[str] = []
+    with ProgressLines(lines.append).running() as show:
+        steps = ProgressSteps(show)
+        until(lines, 1)
+        # The parts of a run have the name of the run, however they are counted, and so have the terms of its fits.
+        for done in range(6):
+            steps.run("shadows on knot", done, 6)
+            time.sleep(0.15)
+        steps.run("cole", 0, 1)
+        for restart in range(6):
+            steps(FitProgress(1, 2, restart + 1, 8, 7, math.inf))
+            time.sleep(0.15)
+        steps.stage("rendering", 40.0)
+        until(lines, 4)
+        time.sleep(0.5)
+    kinds = [re.sub(r"\d+", "#", line) for line in lines]
+    assert len(lines) == 4
+    assert kinds[0] == "loading libraries"
+    assert kinds[1].startswith("#/# shadows on knot")
+    assert kinds[2].startswith("#/# cole: term #/#, restart #/#")
+    assert lines[3] == "rendering, about 40 s left"
+
+
 def test_a_short_command_and_one_that_answers_in_json_say_nothing(
     capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -1,10 +1,14 @@
 """What a plan says of its time: an expectation before the first fit, one that follows what the fits take."""
 
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from plan_cases import PAINT, fits_of
 
+from homofact.api import planning
+from homofact.api.progress import ProgressStep, ProgressSteps
+from homofact.evaluation.estimate import verdict_seconds
 from homofact.planning import clock as module
 from homofact.planning.clock import LARGER, USUAL, PlanClock
 from homofact.planning.ladder import CONSTANT, Candidate, fits_among, ladder
@@ -110,3 +114,28 @@ def test_a_tolerance_that_is_not_met_says_how_many_fits_may_follow(now: list[flo
     assert known[0] <= BEST_PART * fits_among(ladder()) + 1
     assert said[-1][0].endswith("none meets the tolerance so far, at most 1 fit left")
     assert said[-1][2] == pytest.approx(2.0 * 2.0 / (2.0 * (len(known) + 1 - 1) + 2.0), rel=1)
+
+
+def test_judging_the_choices_says_how_long_the_rest_of_them_takes(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [0.0]
+    monkeypatch.setattr(planning, "time", SimpleNamespace(monotonic=lambda: now[0]))
+
+    class Judged:
+        """A material whose verdict takes twice as long as modelled."""
+
+        def __init__(self, name: str, samples: int, choice: Candidate | None = FIRST) -> None:
+            self.name, self.walk = name, SimpleNamespace(choice=choice)
+            self.fits = SimpleNamespace(source=SimpleNamespace(samples=range(samples)))
+
+        @property
+        def verdict(self) -> None:
+            now[0] += 2 * verdict_seconds(len(self.fits.source.samples))
+
+    told: list[ProgressStep] = []
+    distinct = (Judged("clay", 10_000), Judged("none", 10_000, None), Judged("paint", 1_000_000))
+    found: Any = SimpleNamespace(distinct=distinct)
+    verdicts = planning._verdicts(found, ProgressSteps(told.append))
+    assert list(verdicts) == [f"clay, {FIRST.words}", f"paint, {FIRST.words}"]
+    assert [step.stage for step in told] == [f"1/2 judging clay, {FIRST.words}", f"2/2 judging paint, {FIRST.words}"]
+    clay, paint = verdict_seconds(10_000), verdict_seconds(1_000_000)
+    assert [step.left for step in told] == [pytest.approx(clay + paint), pytest.approx(2 * paint)]
