@@ -319,6 +319,8 @@ def _report(
     scene: "RelightScene", objects: "Sequence[RelitObject]", errors: "Sequence[RelightErrors | None]"
 ) -> dict[str, Any]:
     """The JSON form, as in relight.json."""
+    from homofact.relighting.result import distinct_names
+
     file, settings = scene.file, scene.file.settings
     entries = []
     for number, relit in enumerate(objects):
@@ -353,5 +355,7 @@ def _report(
         "seed": file.seed,
         "objects": entries,
         "bytes": sum(relit.nbytes for relit in objects),
-        "error": {entry["mesh"]: entry["error"] for entry in entries},
+        "error": dict(
+            zip(distinct_names([each["mesh"] for each in entries]), (each["error"] for each in entries), strict=True)
+        ),
     }

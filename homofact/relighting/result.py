@@ -135,6 +135,14 @@ class RelightResult:
         write_scene_folder(Path(folder), RELIT, archive, self.report, self.pictures, force, fits.values())
 
 
+def distinct_names(names: Sequence[str]) -> list[str]:
+    """The names, each that several objects have followed by its count: "ball (1)", "ball (2)"."""
+    return [
+        name if names.count(name) == 1 else f"{name} ({names[: place + 1].count(name)})"
+        for place, name in enumerate(names)
+    ]
+
+
 def save_scene(file: Path, scene: RelightResult) -> None:
     """Write one archive of everything but the pictures."""
     sky = scene.sky

@@ -120,6 +120,21 @@ def test_blocks_of_another_run_are_refused_by_name(scene: Path, capsys: pytest.C
     )
 
 
+def test_objects_of_one_mesh_keep_their_own_errors(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    ball = '[[object]]\nmesh = "ball.obj"\nalbedo = [0.6]\nat = [1, 0, 0]\nsize = 0.3\n'
+    scene.write_text(ball + ALL_MATT)
+    out = scene.parent / "out"
+    assert main(["relight", str(scene), "--out", str(out), "--vertices", "4", "--json"]) == 0
+    record = json.loads(capsys.readouterr().out)
+    assert list(record["error"]) == ["ball.obj (1)", "ball.obj (2)", "ground"]
+    assert [*record["error"].values()] == [each["error"] for each in record["objects"]]
+    from unpacked import written
+
+    named = [name for name, _ in written(out / "view.html")["numbers"]]
+    assert named[0].endswith("(1)")
+    assert len({*named}) == 3
+
+
 MATT = ALL_MATT.replace(
     "eye = [0, 1, 4]\npixels = [48, 36]",
     "eye = [0, -3, 4]\npixels = [20, 16]\n[[camera]]\neye = [1, 2, 3]\npixels = [24, 18]",

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from homofact.relighting.page.build import PageReference, page_objects, shown_name, write_page
 from homofact.relighting.page.skies import PageSky, page_sky
-from homofact.relighting.result import RelightResult
+from homofact.relighting.result import RelightResult, distinct_names
 from homofact.rendering.light import EnvironmentMap
 from homofact.rendering.tonemap import DEFAULT_CURVE
 from homofact.scene.lighting import NAMED, named_lighting
@@ -21,7 +21,9 @@ def write_relit_page(
     skies = [own, *(page_sky(shown_name(each.name), each, size) for each in others)]
     skies += _built_in(size, [saved.sky.name, *(each.name for each in others)], [each.name for each in skies])
     numbers: dict[str, dict[str, str | int | float]] = {}
-    for entry in saved.report.get("objects", []):
+    entries = saved.report.get("objects", [])
+    names = distinct_names([f"{shown_name(each['mesh'])}, {shown_name(each['material'])}" for each in entries])
+    for name, entry in zip(names, entries, strict=True):
         rows: dict[str, str | int | float] = {
             "vertices": entry["vertices"],
             "terms K": entry["terms"],
@@ -33,7 +35,7 @@ def write_relit_page(
                 rows[f"PSNR of the pixels, {DEFAULT_CURVE} curve"] = f"{value:.1f} dB"
             elif stage not in ("below_zero", "vertices"):
                 rows[f"error, {stage}"] = percent(value)
-        numbers[f"{shown_name(entry['mesh'])}, {shown_name(entry['material'])}"] = rows
+        numbers[name] = rows
     reference = None if saved.reference is None else PageReference(saved.reference)
     objects, camera = page_objects(saved.objects), saved.cameras[0]
     return write_page(target, objects, skies, numbers, reference, title=saved.name, camera=camera, new=new)
