@@ -182,6 +182,22 @@ def turned(objects: Sequence[RelitObject], degrees: float) -> list[RelitObject]:
     return found
 
 
+def lit_at(objects: tuple[RelitObject, ...], *levels: float) -> list[RelitObject]:
+    """The objects under their lamps at these levels."""
+    found = []
+    for each in objects:
+        assert each.sunlight is not None
+        pairs = zip(each.sunlight.lamps, levels, strict=True)
+        changed = tuple(replace(lamp, intensity=lamp.intensity * level) for lamp, level in pairs)
+        found.append(replace(each, sunlight=replace(each.sunlight, lamps=changed)))
+    return found
+
+
+def lit_by(objects: tuple[RelitObject, ...], *numbers: int) -> list[RelitObject]:
+    """The objects under these of their lamps alone, the others dark."""
+    return lit_at(objects, *(float(k in numbers) for k in range(2)))
+
+
 def vertex_light(driver: Any) -> list[np.ndarray]:
     """What the page's processor shades of each object (V, 3)."""
     found = driver.execute_script("return homofact.view.shade().map((each) => Array.from(each))")

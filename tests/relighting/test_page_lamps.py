@@ -1,36 +1,27 @@
-"""Lamps on the page of a relit scene: their light at vertices, light and shadows at pixels, seen and switched off."""
+"""Lamps on the page of a relit scene with lobes; test_page_lights has the faster tests of sliders and exposure."""
 
-import math
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
-import torch
 from browser import headless
 from relit_page import (
     ANGLE,
-    DAY,
     change,
     compared,
+    lit_by,
     relit,
     relit_page,
     shown_picture,
-    slide,
     statistics,
     vertex_light,
     with_own_light,
-    words,
 )
 
-from homofact.relighting.build import RelitObject
 from homofact.relighting.errors import relative
-from homofact.relighting.picture import picture
 from homofact.relighting.result import RelightResult
-from homofact.rendering.sphere import SphereImage
-from homofact.rendering.tonemap import automatic_exposure
-from homofact.scene.meshes import MeshGroup
 
 # The first lamp is beside the objects and has one shadow map, the second is among them and has six.
 SCENE = """
@@ -97,22 +88,6 @@ def lamps(opened: Any) -> Any:
     return opened
 
 
-def lit_at(objects: tuple[RelitObject, ...], *levels: float) -> list[RelitObject]:
-    """The objects under their lamps at these levels."""
-    found = []
-    for each in objects:
-        assert each.sunlight is not None
-        pairs = zip(each.sunlight.lamps, levels, strict=True)
-        changed = tuple(replace(lamp, intensity=lamp.intensity * level) for lamp, level in pairs)
-        found.append(replace(each, sunlight=replace(each.sunlight, lamps=changed)))
-    return found
-
-
-def lit_by(objects: tuple[RelitObject, ...], *numbers: int) -> list[RelitObject]:
-    """The objects under these of their lamps alone, the others dark."""
-    return lit_at(objects, *(float(k in numbers) for k in range(2)))
-
-
 @pytest.mark.slow
 def test_lamps_have_one_shadow_map_or_those_of_a_cube(lamps: Any) -> None:
     script = "return homofact.view.stage.shadows.maps.map(({ first, layers }) => [first, layers])"
@@ -141,64 +116,6 @@ def test_pixels_have_light_and_shadow_of_the_lamps(lamps: Any, scene: RelightRes
     # Either lamp is much of it.
     for other in ((0,), (1,)):
         assert compared(lamps, scene, lit_by(scene.objects, *other)).mean() > 8
-
-
-def test_a_slider_makes_each_lamp_brighter_or_darker(lamps: Any, scene: RelightResult) -> None:
-    """At pixels and on the processor, light that surfaces send on included; the exposure stays."""
-    stops = lamps.execute_script("return homofact.view.stops")
-    # A slider's place is the level's square root.
-    slide(lamps, "level-1", 0.5)
-    slide(lamps, "level-2", 2)
-    assert lamps.execute_script("return homofact.view.shining") == [1, 0.25, 4]
-    assert lamps.execute_script("return homofact.view.stops") == stops
-    assert words(lamps, "levels") == "Sun level100%100%Lamp 125%100%Lamp 2400%100%"
-    expected = lit_at(scene.objects, 0.25, 4)
-    apart = compared(lamps, scene, expected)
-    assert np.median(apart) < 1.5
-    assert apart.mean() < 3.2
-    assert compared(lamps, scene, list(scene.objects)).mean() > 8
-    for one, each in zip(vertex_light(lamps), expected, strict=True):
-        assert relative(one, each.lit(DAY, True).shade(scene.cameras[0].eye)) < 5e-3
-    # The reference is of lamps as they were.
-    assert statistics(lamps)["error"] is None
-    assert "as bright as in the scene’s file" in words(lamps, "error-words")
-    lamps.execute_script("document.querySelectorAll('#levels button').forEach((each) => each.click())")
-    assert words(lamps, "levels") == "Sun level100%100%Lamp 1100%100%Lamp 2100%100%"
-    assert statistics(lamps)["error"] < 0.01
-
-
-def test_a_lamp_or_sun_at_nothing_is_not_there(lamps: Any, scene: RelightResult) -> None:
-    slide(lamps, "level-0", 0)
-    slide(lamps, "level-2", 0)
-    assert np.median(compared(lamps, scene, lit_by(scene.objects, 0), suns=False)) < 1.5
-    # The lamp itself is no longer seen either.
-    drawn = (
-        "const { gl, lamps } = homofact.view.stage, draw = gl.drawElements; let count = 0;"
-        "gl.drawElements = (...given) => { count += 1; draw.apply(gl, given); };"
-        "lamps.draw(homofact.view.stage, homofact.view, 1); delete gl.drawElements; return count"
-    )
-    assert lamps.execute_script(drawn) == 1
-
-
-def test_the_page_s_exposure_is_that_of_the_library_s_picture(lamps: Any, scene: RelightResult) -> None:
-    lit, meshes = [each.lit(DAY, True) for each in scene.objects], [each.mesh for each in scene.objects]
-    eye = scene.cameras[0].eye
-    given = meshes, [each.terms(eye) for each in lit], MeshGroup(meshes).occluder, scene.cameras[0]
-    radiance, cover = picture(*given, scene.sky.environment(), lit)
-    shown = SphereImage(torch.from_numpy(radiance), torch.from_numpy(cover))
-    stops = lamps.execute_script("return homofact.view.stops")
-    assert stops == pytest.approx(math.log2(automatic_exposure(shown)), abs=0.06)
-    # Far from it the picture is measured again, as half floats would need.
-    script = (
-        "const v = homofact.view, own = v.stage.meter.pixels(v, 0);"
-        "return [0, 20, -20].map((by) => { const p = v.stage.meter.pixels;"
-        " v.stage.meter.pixels = (view, stops) => own.map((x) => Math.min(x * 2 ** (stops + by), 6e4));"
-        " const found = v.stage.meter.stops(v) + by; v.stage.meter.pixels = p; return found; })"
-    )
-    assert lamps.execute_script(script) == pytest.approx([stops] * 3, abs=0.01)
-    # Without pictures of floats, by vertices.
-    script = "const m = homofact.view.stage.meter, f = m.frame; m.frame = null; const s = m.stops(homofact.view);"
-    assert lamps.execute_script(f"{script} m.frame = f; return s") == pytest.approx(stops, abs=1)
 
 
 @pytest.mark.slow
