@@ -30,7 +30,7 @@ from homofact.shading.cube_code import c_light
 from homofact.shading.languages import GLSL, HLSL, WGSL, shader
 
 COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
-SIDE = 64
+SIDE = 32
 
 
 def blob(wi: Tensor, wo: Tensor) -> Tensor:
@@ -110,7 +110,7 @@ def test_a_black_material_reflects_nothing() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "most"), slow_among([("lafortune-blue-paint", 0.03), ("phong-30", 0.025)], "lafortune-blue-paint")
+    ("name", "most"), slow_among([("lafortune-blue-paint", 0.03), ("phong-30", 0.03)], "lafortune-blue-paint")
 )
 def test_the_sphere_is_near_the_exact_one(name: str, most: float) -> None:
     exact = render_filtered(material(name).model, lamps(), 48)
@@ -146,7 +146,7 @@ def test_one_sky_serves_all_materials_and_a_table_fits_its_sky_alone() -> None:
     paint, phong = (prefiltered(response(name), sky()) for name in ("lafortune-blue-paint", "phong-30"))
     assert paint.sky is phong.sky
     with pytest.raises(AssertionError, match="another chain"):
-        prefiltered(response("phong-30"), chain())
+        prefiltered(response("phong-30"), replace(sky(), kernels=own_kernels(64)))
 
 
 def test_the_factor_of_a_bright_sky_is_multiplied_back() -> None:
