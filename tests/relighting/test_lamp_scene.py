@@ -1,12 +1,14 @@
 """Scenes with lamps: read, relit, with stated errors that hold, stored and read again, beside Mitsuba, and refused."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
+from coarse import coarse_shapes, coarse_terms
 from refusals import refused
 from relighting_cases import factored_once
 
@@ -54,6 +56,12 @@ intensity = [12.0, 8.0, 4.0]
 """
 PLACE, RADIUS, LEVELS = np.array([0.9, 0.7, 0.4]), 0.15, np.array([12.0, 8.0, 4.0])
 Made = tuple[RelightScene, tuple[RelitObject, ...]]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _coarse() -> Iterator[None]:
+    with coarse_shapes(), coarse_terms():
+        yield
 
 
 @pytest.fixture(scope="module")

@@ -1,12 +1,14 @@
 """Suns beside the sky of a relit scene: light and shadows against geometry, stored and read, and what is refused."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
+from coarse import coarse_shapes, coarse_terms
 from refusals import refused
 from relighting_cases import factored_once
 from slow_cases import slow_among
@@ -55,9 +57,13 @@ direction = [0.6, 0.8, 0]
 irradiance = [2.0, 1.0, 0.5]
 """
 TOWARDS, LEVELS = np.array([0.6, 0.8, 0.0]), np.array([2.0, 1.0, 0.5])
-
-
 Made = tuple[RelightScene, tuple[RelitObject, ...]]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _coarse() -> Iterator[None]:
+    with coarse_shapes(), coarse_terms():
+        yield
 
 
 @pytest.fixture(scope="module")

@@ -1,11 +1,13 @@
 """The plan of an object's transport: what is foretold is what is measured, the cheapest is taken, tolerances hold."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 import torch
+from coarse import coarse_terms
 from relighting_cases import EYE, MATT, SHINY, knot, occluder, shiny
 from relit_errors import errors_of
 
@@ -29,6 +31,12 @@ _DARK = torch.zeros(16, 32, 1, dtype=torch.float64)
 _DARK[3, 20] = 9
 LAMP = EnvironmentMap(_DARK)
 STUDIO = named_environment("studio")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _coarse() -> Iterator[None]:
+    with coarse_terms():
+        yield
 
 
 def seen(most: int = 12, seed: int = 0) -> SeenVertices:
