@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from hypothesis import settings
-from pictured import small_spheres
+from pictured import no_looks, small_spheres
 
 # Where PYTHONDONTWRITEBYTECODE is set (many images of containers), every worker would rewrite and compile all test
 # modules in every run: half a minute.
@@ -84,6 +84,13 @@ def real_data() -> Path:
 def small_pictures() -> Iterator[None]:
     """compare.png beside a fit with spheres 32 pixels wide: for tests of commands, not of that picture."""
     with small_spheres():
+        yield
+
+
+@pytest.fixture
+def unseen() -> Iterator[None]:
+    """Fits that no pictures are drawn of: for tests of what else a fit has."""
+    with no_looks():
         yield
 
 

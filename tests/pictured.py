@@ -1,4 +1,4 @@
-"""Pictures that are quickly drawn, for tests of what else a command does."""
+"""Pictures that are quickly drawn, or not at all, for tests of what else a command or a fit does."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -17,4 +17,17 @@ def small_spheres() -> Iterator[None]:
     assert compare_picture.__kwdefaults__ is not None
     with pytest.MonkeyPatch.context() as patch:
         patch.setitem(compare_picture.__kwdefaults__, "size", 32)
+        yield
+
+
+@contextmanager
+def no_looks() -> Iterator[None]:
+    """Within it fits are judged without the search of pictures for artefacts, as fits of channels without colour are."""
+    from homofact.api import fitting
+    from homofact.evaluation import compare
+    from homofact.planning import material_fits
+
+    with pytest.MonkeyPatch.context() as patch:
+        for module in (fitting, compare, material_fits):
+            patch.setattr(module, "look_for_artefacts", lambda fit, source: None)
         yield

@@ -22,5 +22,5 @@ def run(capsys: pytest.CaptureFixture[str]) -> Callable[..., Ran]:
 
 
 @pytest.fixture(autouse=True)
-def _quickly(small_pictures: None, rough_sampling: None) -> None:
+def _quickly(small_pictures: None, rough_sampling: None, unseen: None) -> None:
     """Commands are what these tests are about, not their pictures or how evenly light is drawn."""

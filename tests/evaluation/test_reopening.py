@@ -31,6 +31,7 @@ from homofact.methods.nmf import Nmf
 from homofact.methods.search import Search
 from homofact.methods.svd import Svd
 
+pytestmark = pytest.mark.usefixtures("unseen")
 PAINT = Path(__file__).resolve().parents[2] / "data_synthetic" / "synthetic_cornell.brdf"
 QUICK = McCool(size=6)
 SEARCHED: dict[str, Any] = {"textures": 1, "size": 6, "restarts": 1, "search_size": 4, "search_samples": 100}
