@@ -22,7 +22,7 @@ def small_spheres() -> Iterator[None]:
 
 @contextmanager
 def no_looks() -> Iterator[None]:
-    """Within it fits are judged without the search of pictures for artefacts, as fits of channels without colour are."""
+    """Within it fits are judged without a search for artefacts, as those of channels without colour are."""
     from homofact.api import fitting
     from homofact.evaluation import compare
     from homofact.planning import material_fits

@@ -2,13 +2,14 @@
 
 import json
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from io import StringIO
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
+from pictured import no_looks, small_spheres
 from rich.console import Console
 
 from homofact import load
@@ -19,6 +20,7 @@ from homofact.errors import BadInput
 from homofact.evaluation.compare import fit_and_measure
 from homofact.evaluation.metric_table import REPORTED
 from homofact.geometry.directions import draw_uniform
+from homofact.sweeps import local
 from homofact.sweeps.cluster import DaskCluster, do_elsewhere
 from homofact.sweeps.ledger import SWEEP, SweepLedger
 from homofact.sweeps.local import TaskEnding
@@ -37,20 +39,35 @@ count = 600
 method = "mccool"
 size = 4
 [[method]]
-method = "ggx"
+method = "svd"
+size = 4
 """
+
+
+class Here:
+    """A worker in this process; test_workers has those of their own."""
+
+    def __init__(self, folder: Path, count: int) -> None:
+        self.folder = folder
+
+    def run(self, tasks: Iterable[Task], ended: Callable[[TaskEnding], bool]) -> None:
+        for task in tasks:
+            answer = do(task, self.folder)
+            assert not ended(TaskEnding(task, answer.get("seconds"), answer.get("refused")))
 
 
 @pytest.fixture(scope="module")
 def swept(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with a small sweep's file, and its results in "sweep", of one worker."""
+    """A folder with a small sweep's file, and its results in "sweep", with small pictures."""
     folder = tmp_path_factory.mktemp("swept")
     root = Path(__file__).parents[2]
     with np.load(root / "data_synthetic/plastic.npz") as whole:
         # Every tenth sample: the fits are quick.
         np.savez(folder / "paint.npz", **{name: each[::10] if each.ndim > 1 else each for name, each in whole.items()})
     (folder / "small.toml").write_text(FILE, encoding="utf-8")
-    assert main(["sweep", str(folder / "small.toml"), "--out", str(folder / "sweep"), "--workers", "1", "-q"]) == 0
+    with pytest.MonkeyPatch.context() as patch, small_spheres(), no_looks():
+        patch.setattr(local, "Local", Here)
+        assert main(["sweep", str(folder / "small.toml"), "--out", str(folder / "sweep"), "--workers", "1", "-q"]) == 0
     return folder
 
 
@@ -100,7 +117,7 @@ def test_a_result_is_the_fit_that_is_made_without_a_sweep(swept: Path) -> None:
 def test_rows_hold_every_metric_of_every_task(swept: Path) -> None:
     rows = rows_of(swept / "sweep")
     assert [(row.name, row.label) for row in rows] == [
-        (name, label) for name in ("paint.npz", "phong-30") for label in ("mccool", "ggx")
+        (name, label) for name in ("paint.npz", "phong-30") for label in ("mccool", "svd")
     ]
     reports = [each.report for each in SweepLedger(swept / "sweep").results()]
     for row, report in zip(rows, reports, strict=True):
@@ -137,7 +154,7 @@ def test_the_command_goes_on_and_says_so(swept: Path, copy: Path, capsys: pytest
     said = capsys.readouterr()
     record = json.loads(said.out)
     assert (record["tasks"], record["done_before"], record["done"], record["set_aside"]) == (4, 3, 4, [])
-    assert sorted(record["error"]) == ["ggx", "mccool"]
+    assert sorted(record["error"]) == ["mccool", "svd"]
     assert "4 fits, 3 done before; 1 to do by 1 worker" in said.err
     for key, time in kept.items():
         assert (copy / "results" / key / "report.json").stat().st_mtime_ns == time
@@ -148,7 +165,7 @@ def test_a_source_that_is_refused_is_named_and_the_others_are_done(
     swept: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     np.savez(tmp_path / "bad.npz", wi=np.zeros((4, 3)))
-    text = FILE.replace('"paint.npz"', '"bad.npz"').replace('[[method]]\nmethod = "ggx"\n', "")
+    text = FILE.replace('"paint.npz"', '"bad.npz"').replace('[[method]]\nmethod = "svd"\nsize = 4\n', "")
     (tmp_path / "small.toml").write_text(text, encoding="utf-8")
     assert main(["sweep", str(tmp_path / "small.toml"), "--out", str(tmp_path / "out"), "--workers", "1"]) == 0
     said = capsys.readouterr()
