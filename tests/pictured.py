@@ -22,12 +22,15 @@ def small_spheres() -> Iterator[None]:
 
 @contextmanager
 def no_looks() -> Iterator[None]:
-    """Within it fits are judged without a search for artefacts, as those of channels without colour are."""
+    """Within it fits are judged by light at few angles and small pictures, and without a search for artefacts."""
     from homofact.api import fitting
-    from homofact.evaluation import compare
+    from homofact.evaluation import appearance, compare, energy
     from homofact.planning import material_fits
 
     with pytest.MonkeyPatch.context() as patch:
         for module in (fitting, compare, material_fits):
             patch.setattr(module, "look_for_artefacts", lambda fit, source: None)
+        patch.setattr(energy, "_ISOTROPIC", (28, 14))
+        patch.setattr(energy, "_ANISOTROPIC", (24, 40))
+        patch.setattr(appearance, "PIXELS", 32)
         yield

@@ -30,11 +30,6 @@ def quick(name: str, **more: Any) -> Any:
     return METHODS[name](**({each: value for each, value in FAST.items() if each in own} | more))
 
 
-@pytest.fixture(autouse=True)
-def _quickly(unseen: None) -> None:
-    """The search for artefacts has tests of its own."""
-
-
 @pytest.fixture(scope="module")
 def source() -> Source:
     return homofact.read("material:phong-10", count=400)

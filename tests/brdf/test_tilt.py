@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 import torch
 from refusals import refused
+from slow_cases import slow_among
 from torch import Tensor
 
 from homofact.brdf import adaptive
@@ -141,8 +142,17 @@ def test_a_straightened_channel_keeps_what_was_measured() -> None:
     assert as_measured(LuminanceOf(model)) is None
 
 
-@pytest.mark.parametrize("roughness", [0.02, 0.05, 0.1])
-@pytest.mark.parametrize("degrees", [0.08, -0.3])
+@pytest.mark.parametrize(
+    ("roughness", "degrees"),
+    [
+        (0.02, 0.08),
+        (0.05, -0.3),
+        (0.1, 0.08),
+        pytest.param(0.02, -0.3, marks=pytest.mark.slow),
+        pytest.param(0.05, 0.08, marks=pytest.mark.slow),
+        pytest.param(0.1, -0.3, marks=pytest.mark.slow),
+    ],
+)
 def test_a_planted_tilt_is_found_to_a_hundredth_of_a_degree(roughness: float, degrees: float) -> None:
     found = find_tilt(tilted(paint(roughness), degrees)).in_plane
     assert found.degrees == pytest.approx(degrees, abs=0.01)
@@ -158,7 +168,12 @@ def test_a_tilt_across_the_plane_of_incidence_is_found_by_mirror_images() -> Non
     assert found.out_of_plane.undone < 0.5 * found.out_of_plane.misfit
 
 
-@pytest.mark.parametrize("name", ["lafortune-blue-paint", "phong-30", "blinn-phong-50", "cook-torrance-plastic"])
+@pytest.mark.parametrize(
+    "name",
+    slow_among(
+        ["lafortune-blue-paint", "phong-30", "blinn-phong-50", "cook-torrance-plastic"], "phong-30", "blinn-phong-50"
+    ),
+)
 def test_nothing_is_found_of_clean_models(name: str) -> None:
     model = material(name).model
     assert find_tilt(measured(model)).tilt is None
@@ -169,7 +184,7 @@ def test_nothing_is_found_of_clean_models(name: str) -> None:
     [lambda i, o: o, lambda i, o: 1 / o, lambda i, o: o**0.2, lambda i, o: 1.1 - 0.1 * i],
     ids=["cosine", "over cosine", "falling detector", "uneven lamp"],
 )
-@pytest.mark.parametrize("roughness", [0.03, 0.2])
+@pytest.mark.parametrize("roughness", slow_among([0.03, 0.2], 0.03))
 def test_gains_over_the_angle_are_no_tilt(gain: Callable[[Tensor, Tensor], Tensor], roughness: float) -> None:
     model = paint(roughness)
     found = find_tilt(measured(model, Gained(model, gain))).in_plane

@@ -24,6 +24,7 @@ from homofact.evaluation.pareto import dominates, front
 from homofact.methods.method import Method
 from homofact.methods.table import METHODS, made_each, settings_of_class
 
+pytestmark = pytest.mark.usefixtures("unseen")
 FAST: dict[str, Any] = {"restarts": 1, "search_size": 3, "search_samples": 60, "effort": 20}
 
 
