@@ -25,6 +25,7 @@ def no_looks() -> Iterator[None]:
     """Within it fits are judged by light at few angles and small pictures, and without a search for artefacts."""
     from homofact.api import fitting
     from homofact.evaluation import appearance, compare, energy
+    from homofact.evaluation.kept import Kept
     from homofact.planning import material_fits
 
     with pytest.MonkeyPatch.context() as patch:
@@ -33,4 +34,6 @@ def no_looks() -> Iterator[None]:
         patch.setattr(energy, "_ISOTROPIC", (28, 14))
         patch.setattr(energy, "_ANISOTROPIC", (24, 40))
         patch.setattr(appearance, "PIXELS", 32)
+        # What is kept of a source has another size outside.
+        patch.setattr(appearance, "_KEPT", Kept(appearance._SourceAppearance))
         yield

@@ -16,6 +16,8 @@ from homofact.evaluation.compare import fit_and_measure
 from homofact.geometry.coordinates import coordinate_system
 from homofact.methods.mccool import McCool
 
+pytestmark = pytest.mark.usefixtures("unseen")
+
 MODEL = Lambert((0.5,), channels=("Y",))
 
 

@@ -16,6 +16,8 @@ from homofact.evaluation.spread import Spread
 from homofact.methods.cole import Cole
 from homofact.methods.mccool import McCool
 
+pytestmark = pytest.mark.usefixtures("unseen")
+
 COLE = Cole(textures=1, size=4, restarts=1, search_size=3, search_samples=60, seed=3)
 
 

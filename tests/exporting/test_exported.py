@@ -33,6 +33,8 @@ from homofact.shading.lobe_mixture import restored
 from homofact.shading.mixture_fit import fitted_mixture
 from homofact.shading.noise import noise_at_angles
 
+pytestmark = pytest.mark.usefixtures("unseen")
+
 EVERY = CASES | SEPARABLE
 
 

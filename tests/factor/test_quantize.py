@@ -18,6 +18,8 @@ from homofact.geometry.directions import draw_cosine_weighted
 from homofact.linear.bilinear import stencil
 from homofact.linear.normal import Lookup, accumulate_compiled, accumulate_torch
 
+pytestmark = pytest.mark.usefixtures("unseen")
+
 SYNTHETIC = Path(__file__).resolve().parents[2] / "data_synthetic" / "synthetic_cornell.brdf"
 
 

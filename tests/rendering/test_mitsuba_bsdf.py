@@ -38,6 +38,8 @@ from homofact.methods.table import METHODS
 from homofact.rendering import mitsuba_bsdf
 from homofact.shading.mixture_fit import fitted_mixture
 
+pytestmark = pytest.mark.usefixtures("unseen")
+
 
 @pytest.fixture
 def mi() -> Any:

@@ -34,6 +34,8 @@ from homofact.separable.matrix import brdf_matrix
 from homofact.separable.resampling import LocalPlanes, resampled
 from homofact.separable.separable import Separable
 
+pytestmark = pytest.mark.usefixtures("unseen")
+
 SKIN, WARD = material("lafortune-skin").model, material("ward-brushed").model
 GREY = Lambert((0.3, 0.2, 0.1))
 

@@ -16,6 +16,8 @@ from homofact.factor.fitted import QuantizationGrid
 from homofact.factor.projection import fixed_projection
 from homofact.shading.encoding import LEVELS, STORAGES, encode, encode_texture
 
+pytestmark = pytest.mark.usefixtures("unseen")
+
 
 def lobe(side: int = 32, channels: int = 3) -> tuple[torch.Tensor, torch.Tensor]:
     """A log texture like a fit's: a peak of 6 above a slope of 4, coloured; its mask is a disc."""
