@@ -46,11 +46,11 @@ class Refusal:
             most = alarm.threshold if self.threshold is None else self.threshold
             said = "; ".join(finding.line() for finding in verdict.findings[:2]) or verdict.bars.sentence()
             raise BadInput(
-                f"refused by strict, {alarm.score:.2g} probable to be bad, expected at most {most:.2g}: {said}",
+                f"refused because it is {alarm.score:.0%} likely to be bad, expected at most {most:.2%}: {said}",
                 where=label,
             )
         refused = [finding for finding in verdict.findings if finding.name in self.names]
         if refused:
             first, *more = refused
-            others = f" (and {', '.join(finding.name for finding in more)})" if more else ""
-            raise BadInput(f"refused by refuse, {first.line()}{others}", where=label)
+            others = f" (further: {', '.join(dict.fromkeys(finding.name for finding in more))})" if more else ""
+            raise BadInput(f"refused because of the finding {first.name}: {first.line()}{others}", where=label)

@@ -168,6 +168,7 @@ def _relit_scene(
 ) -> "RelightResult":
     """Open, precompute, render and judge a scene."""
     from homofact.relighting.build import open_relight_scene, relit_objects
+    from homofact.relighting.error_notes import error_notes
     from homofact.relighting.errors import dense_colours
     from homofact.relighting.result import RelightResult
     from homofact.relighting.room import check_room
@@ -188,8 +189,13 @@ def _relit_scene(
     light = result.sky.cube.astype(float)
     pictures = _pictures(scene, objects, light, steps)
     errors: list[RelightErrors | None] = []
+    notes = list(scene.notes)
     if vertices:
         errors = _errors(scene, objects, vertices, stages, steps)
+        for relit, error in zip(objects, errors, strict=True):
+            for line in error_notes(relit.mesh.name, error, relit.lobe is not None):
+                steps.note(line)
+                notes.append(line)
     likeness = None
     if vertices and len(stages) > len(QUICK_STAGES):
         likeness = picture_likeness(
@@ -204,10 +210,10 @@ def _relit_scene(
         "materials": opened - begun, "transport": traced - opened, "pictures and errors": time.perf_counter() - traced,
     }  # fmt: skip
     report["picture"] = None if likeness is None else likeness.record()
-    report["notes"] = list(scene.notes)
+    report["notes"] = notes
     report["plan"] = transport_record(scene.plans) if scene.plans else None
     return replace(
-        result, report=report, reference=sums, pictures=tuple(pictures), plans=scene.plans, notes=scene.notes
+        result, report=report, reference=sums, pictures=tuple(pictures), plans=scene.plans, notes=tuple(notes)
     )
 
 

@@ -133,7 +133,7 @@ def doubt_lines(verdicts: "Mapping[str, Verdict | None]", missed: Collection[str
     ):
         if group:
             many = len(group) > 1
-            whose, warn = f"the verdict{'s' * many} on {', '.join(group)}", "they warn" if many else "it warns"
+            whose, warn = f"the verdict{'s' * many} on {'; '.join(group)}", "they warn" if many else "it warns"
             lines.append(f"{begin} {whose} below: {warn} of errors {beside}.")
     return lines
 

@@ -89,7 +89,7 @@ def _no_better(best: "Neighbour | None") -> tuple[str, str, str]:
     """Representation, bytes and error of a larger step that gains nothing: the best of what was tried or expected."""
     if best is None:
         return "no larger candidate", "–", "–"
-    why = "none tried errs less; best" if best.measured else "not tried, expected to err no less; best"
+    why = "none tried is better; best" if best.measured else "not tried, expected to be no better; best"
     return f"{why}: {best.candidate.words}", str(best.bytes), _used(best)
 
 
@@ -101,7 +101,9 @@ def evidence_table(found: "ScenePlan") -> Table:
     add_names(table, longest=max(len(name_of(each)) for each in found.materials))
     several = len(found.materials[0].judges) > 1
     if several:
-        table.add_column("under")
+        table.add_column(
+            "under", no_wrap=True, min_width=max(len(each.lighting.name) for each in found.materials[0].judges)
+        )
     add_figures(table, "order", "terms", "reflected", "ΔE", "p95", "peak", "cole")
     for each in found.materials:
         for k, (judge, order) in enumerate(zip(each.judges, each.needed_orders, strict=True)):

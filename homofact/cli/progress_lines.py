@@ -84,9 +84,9 @@ def time_left(seconds: float) -> str:
     Examples
     --------
     >>> time_left(40), time_left(-3)
-    ('about 40 s left', 'longer than expected')
+    ('about 40 s left', 'takes longer than expected')
     """
-    return f"about {duration(seconds)} left" if seconds > 0 else "longer than expected"
+    return f"about {duration(seconds)} left" if seconds > 0 else "takes longer than expected"
 
 
 def duration(seconds: float) -> str:

@@ -73,8 +73,8 @@ def likeness_line(found: Mapping[str, Any]) -> str:
 _ASIDE = ("psnr", "below_zero", "vertices")
 _BESIDE = 4  # objects of a table of errors
 _ERRORS = (
-    "Relative RMS error of the light towards the first camera (picture: in total, at pixels; together: in total, at"
-    " vertices; rim: at vertices seen at cosθ below 0.2; other rows: parts of it)"
+    "Relative RMS error of the light towards the first camera (picture: total error at pixels; together: total error at"
+    " vertices; rim: total error at vertices seen at cosθ below 0.2; other rows: the error of one stage alone)"
 )
 
 

@@ -62,8 +62,8 @@ def appearance_tables(records: Mapping[str, Mapping[str, Any]]) -> list[Table]:
     if not found:
         return []
     table = plain_table(
-        "Light, fit over source (albedo of the worst angle; highlight: directions with the brightest 1% of the light;"
-        " rms: relative RMS of f cosθi cosθo; floor: its least value of any reciprocal fit)"
+        "Light, fit over source (albedo: at the worst angle; highlight: directions with the brightest 1% of the light;"
+        " rms: relative RMS of f cosθi cosθo; floor: the smallest rms that a reciprocal fit can reach)"
     )
     add_names(table)
     add_figures(table, "rms", "floor", "albedo", "energy", "highlight", "lamp dB", "sky dB")
@@ -166,7 +166,7 @@ def metric_tables(values: Mapping[str, Mapping[str, float | None]]) -> list[Tabl
         for good, words in (("high", "more is better"), ("one", "1 is best"))
         if (some := [name for name in names if METRICS[name].good == good])
     ]
-    title = f"Held out, or of the fit ({'; '.join(notes)})" if notes else "Held out, or of the fit"
+    title = f"Further metrics ({'; '.join(notes)})" if notes else "Further metrics"
     tables = []
     for first in range(0, len(labels), 5):
         table = plain_table(title)

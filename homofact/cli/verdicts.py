@@ -68,7 +68,9 @@ def figures_line(verdict: "Verdict") -> str:
     if system.condition is not None:
         figures.append(f"condition {system.condition:.0e}")
     if verdict.look is not None and verdict.look.left_out >= LEAST_LEFT_OUT:
-        figures.append(f"{verdict.look.left_out:.0%} of the pictures without samples, not searched for artefacts")
+        figures.append(
+            f"{verdict.look.left_out:.0%} of the pictures' pixels, without samples, were not searched for artefacts"
+        )
     figures += [f"albedo up to {figure(verdict.figures.light.albedo)}", f"misplaced light {errors.misplaced:.1%}"]
     return f"Figures of the verdict: {', '.join(figures)}"
 

@@ -53,11 +53,11 @@ def part_of_limit(ratio: float) -> str:
 
 
 def findings_named(names: Sequence[str]) -> str:
-    """Findings by name, as they follow a verdict's sentence: " (noted: coverage, light)"; "" where there is none.
+    """Findings by name, as they follow a verdict's sentence: " (findings: coverage, light)"; "" where there is none.
 
     A name that several findings have is named once.
     """
-    return f" (noted: {', '.join(dict.fromkeys(names))})" if names else ""
+    return f" (findings: {', '.join(dict.fromkeys(names))})" if names else ""
 
 
 def listed(words: Sequence[str]) -> str:

@@ -48,8 +48,8 @@ class FileFit:
         """Describe the fit and its errors in one sentence."""
         held_out, sky = self.errors["held_out"], self.errors["sky"]
         shown = "" if sky is None else f", a sphere under a sky off by {sky:.1%}"
-        size = f"{METHOD.textures} textures of {METHOD.size}²"
-        return f"{Path(words).name}: replaced by a fit of {size}, MALE {held_out:.3f} on held-out samples{shown}"
+        fit = f"{Path(words).name}: replaced by a fit of {METHOD.textures} textures of {METHOD.size}²"
+        return f"{fit}, mean log error (MALE) {held_out:.3f} on held-out samples{shown}"
 
 
 @dataclass

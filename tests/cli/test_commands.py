@@ -321,8 +321,8 @@ def test_strict_and_refuse_leave_nothing_behind(run: Callable[..., Ran], tmp_pat
     out = tmp_path / "o"
     asked = ["factorize", *SMALL, *SIZE, "--method", "mccool", "--out", out]
     for options, words in (
-        (["--strict"], "refused by strict"),
-        (["--refuse", "zeros+highlight"], "refused by refuse, the brightest directions hold"),
+        (["--strict"], "refused because it is"),
+        (["--refuse", "zeros+highlight"], "refused because of the finding highlight: the brightest directions hold"),
         (["--refuse", "zeroes"], "refuse: found 'zeroes', expected some of status, condition, light"),
     ):
         ran = run(*asked, *options)
@@ -333,4 +333,4 @@ def test_strict_and_refuse_leave_nothing_behind(run: Callable[..., Ran], tmp_pat
     assert (out / "report.json").is_file()
     ran = run("compare", *SMALL, *SIZE, "--methods", "mccool", "--strict")
     assert ran.code == 2
-    assert "refused by strict" in ran.err
+    assert "refused because it is" in ran.err

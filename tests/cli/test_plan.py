@@ -162,18 +162,18 @@ def test_odd_data_are_named_beside_the_choice(tmp_path: Path, capsys: pytest.Cap
     )
     out = tmp_path / "out"
     assert main(["plan", str(file), *QUICK, "--strict", "--write", str(out)]) == 2
-    assert "refused by strict" in capsys.readouterr().err
+    assert "refused because it is" in capsys.readouterr().err
     assert not out.exists()
     assert main(["plan", str(file), *QUICK, "--write", str(out)]) == 0
     streams = capsys.readouterr()
     assert "homofact export" not in streams.err
     shown = " ".join(streams.out.split())
-    assert re.search("warning: [0-9]+% that it is bad .noted: quantised", shown)
+    assert re.search("warning: [0-9]+% likely to be bad .findings: quantised", shown)
     record = json.loads((out / "plan.json").read_text())["materials"][0]
     assert record["met"]
     assert "scatter" in [each["name"] for each in record["verdict"]["findings"]]
     assert main(["plan", str(file), *QUICK, "--refuse", "scatter"]) == 2
-    assert "refused by refuse, neighbouring samples disagree" in capsys.readouterr().err
+    assert "refused because of the finding" in capsys.readouterr().err
     assert main(["plan", str(file), *QUICK, "--refuse", "scater"]) == 2
     assert "refuse: found 'scater', expected some of" in capsys.readouterr().err
 
@@ -182,7 +182,7 @@ def test_odd_data_are_named_beside_the_choice(tmp_path: Path, capsys: pytest.Cap
 def test_strict_refuses_a_fit_whose_fault_a_picture_shows(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["plan", str(scene), *QUICK, "--strict"]) == 2
     error = capsys.readouterr().err
-    assert "refused by strict" in error
+    assert "refused because it is" in error
     assert "cannot be met" not in error
 
 

@@ -14,7 +14,7 @@ def test_choices_that_verdicts_warn_of_are_named() -> None:
     assert doubt_lines({}) == []
     assert doubt_lines({"paint": verdict(True), "gold": None}) == []
     (line,) = doubt_lines({"paint": verdict(False), "gold": verdict(True), "flake": verdict(False), "lead": None})
-    assert "paint, flake" in line
+    assert "paint; flake" in line
     assert "gold" not in line
     assert "lead" not in line
 

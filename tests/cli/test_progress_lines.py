@@ -95,7 +95,7 @@ def test_a_time_that_is_expected_is_told_and_runs_down(monkeypatch: pytest.Monke
         assert said(0) == "planning, about 40 s left"
         assert said(30) == "planning, about 10 s left"
         # Nothing is promised that did not hold.
-        assert said(60) == "planning, longer than expected"
+        assert said(60) == "planning, takes longer than expected"
 
 
 def test_no_slow_library_is_loaded_before_progress_is_shown() -> None:

@@ -16,16 +16,16 @@ def test_findings_follow_the_sentence_as_such() -> None:
     assert set(costly) <= names(tilted)
     sound = verdict(seen=seen())
     assert brief_lines({"a": tilted, "longer": sound}) == [
-        f"Verdict on a:      {tilted.summary} (noted: {', '.join(costly)})", f"Verdict on longer: {sound.summary}",
+        f"Verdict on a:      {tilted.summary} (findings: {', '.join(costly)})", f"Verdict on longer: {sound.summary}",
     ]  # fmt: skip
     every = ", ".join(each.name for each in tilted.findings)
-    assert page._verdict({"verdict": tilted.record()}) == (("Verdict", f"{tilted.summary} (noted: {every})"),)
+    assert page._verdict({"verdict": tilted.record()}) == (("Verdict", f"{tilted.summary} (findings: {every})"),)
     # No bar is stated by angle for the first; the second has what was measured.
     said, light = page._verdict({"verdict": sound.record()})
     assert said == ("Verdict", sound.summary)
     assert light[1] == "5°: 1 to 1"
     assert findings_named([]) == ""
-    assert findings_named(["artefact", "light", "artefact"]) == " (noted: artefact, light)"
+    assert findings_named(["artefact", "light", "artefact"]) == " (findings: artefact, light)"
 
 
 @pytest.mark.parametrize(("text", "meant"), [("", False), (USUAL, True), ("0.05", 0.05), ("0", 0.0)])

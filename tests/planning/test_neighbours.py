@@ -125,10 +125,10 @@ def test_the_table_of_steps_names_it_in_figures(monkeypatch: pytest.MonkeyPatch)
         return [str(cell) for column in table.columns for cell in list(column.cells)[-1:]][1:]
 
     assert lines({SMALL: 1.5, CHOSEN: 0.7, LARGE: 0.8}) == [
-        "larger", "none tried errs less; best: 1 texture of 16², 8 bits (search)", "768", "80%",
+        "larger", "none tried is better; best: 1 texture of 16², 8 bits (search)", "768", "80%",
     ]  # fmt: skip
     _, words, size, error = lines({SMALL: 1.5, CHOSEN: 0.7})
-    assert words.startswith("not tried, expected to err no less; best: ")
+    assert words.startswith("not tried, expected to be no better; best: ")
     assert int(size) > CHOSEN.most_bytes(3)
     assert error.startswith("about ")
     last = max(ladder(), key=lambda rung: rung.most_bytes(3))

@@ -18,7 +18,7 @@ _SAME = {
 }  # fmt: skip
 
 WORDS = {
-    "mended": "the error that the nearest samples would correct",
+    "mended": "the difference between the fit and an interpolation of the nearest samples",
     "bias": "the error on which both halves of the samples agree",
     "apart": "the difference between the fit and an interpolation of the samples",
     "unexplained": "the variation of the samples that the fit does not explain",

@@ -66,7 +66,7 @@ class Verdict:
     @property
     def summary(self) -> str:
         """Return the possible error of the fit, and the warning if there is one, in one sentence."""
-        warned = f"; warning: {self.alarm.score:.0%} that it is bad" if self.alarm.given else ""
+        warned = f"; warning: {self.alarm.score:.0%} likely to be bad" if self.alarm.given else ""
         shown = f"; visible artefacts: {', '.join(self._artefacts)}" if self._artefacts else ""
         return self.bars.sentence() + shown + warned
 

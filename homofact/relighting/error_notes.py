@@ -1,0 +1,43 @@
+"""A note on an object whose relit picture differs visibly from the exact one."""
+
+from homofact.relighting.errors import RelightErrors
+
+# Below this PSNR in dB a picture looks wrong at first sight; above this relative RMS the rim does.
+_POOR, _POOR_RIM = 30.0, 0.2
+
+
+def error_notes(name: str, found: RelightErrors | None, separate: bool) -> tuple[str, ...]:
+    """A line on an object of this name with these errors, if they can be seen.
+
+    Parameters
+    ----------
+    name : str
+        The object's.
+    found : RelightErrors or None
+        As measured; None if the camera does not see it.
+    separate : bool
+        Whether its sharp lobe is summed separately.
+
+    Returns
+    -------
+    tuple of str
+        One line, or none.
+
+    Examples
+    --------
+    >>> error_notes("ball", RelightErrors({"picture": 0.03, "rim": 0.5}, 0.0, 64, psnr=19.7), False)[0][:47]
+    'ball: its picture differs visibly from the exac'
+    >>> error_notes("ball", RelightErrors({"picture": 0.03}, 0.0, 64, psnr=41.0), False)
+    ()
+    """
+    if found is None:
+        return ()
+    rim = found.errors.get("rim", 0.0)
+    poor = [] if found.psnr is None or found.psnr >= _POOR else [f"PSNR {found.psnr:.1f} dB"]
+    poor += [f"an error of {rim:.0%} at the rim"] if rim > _POOR_RIM else []
+    if not poor:
+        return ()
+    advice = "more kept coefficients or terms may help"
+    if not separate:
+        advice = 'lobe = "separate" sums a sharp highlight exactly, more terms make a broad one better'
+    return (f"{name}: its picture differs visibly from the exact one ({', '.join(poor)}); {advice}",)

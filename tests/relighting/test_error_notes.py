@@ -1,0 +1,33 @@
+"""When a relit picture is noted as visibly wrong."""
+
+import pytest
+
+from homofact.relighting.error_notes import error_notes
+from homofact.relighting.errors import RelightErrors
+
+
+def found(psnr: float | None, rim: float | None) -> RelightErrors:
+    errors = {"picture": 0.03} if rim is None else {"picture": 0.03, "rim": rim}
+    return RelightErrors(errors, 0.0, 64, psnr)
+
+
+@pytest.mark.parametrize(
+    ("psnr", "rim", "noted"), [(29.9, 0.1, True), (40, 0.21, True), (30.1, 0.19, False), (None, None, False)]
+)
+def test_a_picture_is_noted_by_its_psnr_and_its_rim(psnr: float | None, rim: float | None, noted: bool) -> None:
+    assert bool(error_notes("ball", found(psnr, rim), False)) is noted
+
+
+def test_a_note_has_the_figures_that_are_poor_and_the_lobe_where_it_is_not_separate() -> None:
+    (line,) = error_notes("ball", found(19.7, 0.1), False)
+    assert line.startswith("ball: ")
+    assert "19.7" in line
+    assert "rim" not in line
+    assert 'lobe = "separate"' in line
+    (line,) = error_notes("ball", found(19.7, 0.5), True)
+    assert "50%" in line
+    assert "separate" not in line
+
+
+def test_an_object_that_is_not_seen_has_no_note() -> None:
+    assert error_notes("ball", None, False) == ()
