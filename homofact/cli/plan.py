@@ -195,7 +195,7 @@ def _lines(found: "ScenePlan", other: "ScenePlan | None") -> list[str]:
         lines.append("This tolerance has its own light, so the scene's lighting does not change this plan.")
     if found.allocated:
         lines.append(
-            f"The choices that meet the tolerance exceed {found.scene.budget.bytes} bytes. The plan distributes these"
+            f"The best choices together exceed {found.scene.budget.bytes} bytes. The plan distributes these"
             f" to minimize the picture's error: {part_of_limit(found.error)} of the tolerance, weighted by the"
             " materials' shares."
         )

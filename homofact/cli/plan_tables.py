@@ -62,7 +62,7 @@ def fetches_in_words(fetches: float) -> str:
 
 def step_table(found: "ScenePlan") -> Table | None:
     """What a smaller and a larger representation of each material would err; None where no material has either."""
-    from homofact.planning.neighbours import best_larger, larger, smaller
+    from homofact.planning.neighbours import best_larger, larger, smaller, sufficient
 
     table = plain_table("One step smaller or larger")
     add_names(table, longest=max(len(name_of(each)) for each in found.materials))
@@ -71,7 +71,12 @@ def step_table(found: "ScenePlan") -> Table | None:
     add_figures(table, "bytes", "of limit")
     for each in found.distinct:
         name = name_of(each)
-        for step, one in (("smaller", smaller(each)), ("larger", larger(each))):
+        up, enough = larger(each), sufficient(each)
+        steps = [("smaller", smaller(each)), ("larger", up)]
+        # The budget may rule out what would meet the tolerance.
+        if enough is not None and enough != up:
+            steps.append(("within the limit", enough))
+        for step, one in steps:
             if one is None:
                 if step == "larger" and each.outcome is not None and each.outcome.error > 0:
                     table.add_row(name, step, *_no_better(best_larger(each)))

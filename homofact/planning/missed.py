@@ -2,6 +2,7 @@
 
 from typing import TYPE_CHECKING
 
+from homofact.brdf.scattered import made_of_samples
 from homofact.evaluation.wording import counted, listed
 from homofact.planning.material_fits import rungs_for
 from homofact.planning.scene import Budget
@@ -57,7 +58,8 @@ def missed_words(plan: "MaterialPlan", budget: Budget, shared: bool = False) -> 
         with_margin = f" ({used.error * margin:.3g} with the margin of × {margin:g} for other views)"
         wanted.append(f"{used.kind} {limits[used.kind]:g}{where}")
         reached.append(f"{used.kind} {used.error:.3g}{with_margin if margin > 1 else ''}")
+    against = " against an interpolation of the samples" if made_of_samples(plan.fits.source.reflectance) else ""
     return (
         f"{plan.name}: no representation was found that meets {listed(wanted)}{bound_by(plan, budget, shared)};"
-        f" the closest, {choice.words}, reaches {listed(reached)}"
+        f" the closest, {choice.words}, reaches {listed(reached)}{against}"
     )

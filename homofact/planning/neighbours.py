@@ -111,6 +111,19 @@ def best_larger(plan: MaterialPlan) -> Neighbour | None:
     return min(tried, key=lambda one: (one.error, one.bytes), default=None)
 
 
+def sufficient(plan: MaterialPlan) -> Neighbour | None:
+    """Return the smallest measured representation that meets a tolerance which the choice misses; None for none."""
+    chosen = plan.outcome
+    if chosen is None or plan.walk.met:
+        return None
+    enough = [
+        Neighbour(rung, answer.bytes, answer.error, True)
+        for rung, answer in plan.walk.asked.items()
+        if answer.bytes > chosen.bytes and answer.error <= 1
+    ]
+    return min(enough, key=lambda one: (one.bytes, one.error), default=None)
+
+
 def measure_larger(plan: MaterialPlan) -> None:
     """Fit and measure the larger step where it is only expected; the next one where it does not err less.
 

@@ -12,6 +12,7 @@ from homofact.planning.neighbours import (
     larger,
     measure_larger,
     smaller,
+    sufficient,
     with_larger_measured,
 )
 from homofact.planning.plan import MaterialPlan, ScenePlan
@@ -113,6 +114,25 @@ def test_what_more_bytes_buy_is_told_where_nothing_larger_errs_less() -> None:
     last = max(ladder(), key=lambda rung: rung.most_bytes(3))
     assert best_larger(plan_of({SMALL: 1.5, last: 0.7}, last)) is None
     assert best_larger(plan_of({SMALL: 1.5}, None)) is None
+
+
+def test_what_meets_a_missed_tolerance_beyond_the_budget_is_named() -> None:
+    dearer, dearest = Candidate("search", 1, 32, "png8"), Candidate("search", 2, 32, "png8")
+    missed = plan_of({SMALL: 1.5, CHOSEN: 1.2, LARGE: 1.1, dearer: 1.0, dearest: 0.4})
+    missed.walk.met, missed.walk.stepped = False, True
+    found = sufficient(missed)
+    assert found is not None
+    assert (found.candidate, found.error, found.measured) == (dearer, 1.0, True)
+    table = step_table(ScenePlan(None, (missed,), None, 2, 2, 60))  # pyright: ignore[reportArgumentType]
+    assert table is not None
+    assert list(table.columns[1].cells) == ["smaller", "larger", "within the limit"]
+    assert list(table.columns[3].cells)[-1] == str(dearer.most_bytes(3))
+    missed.walk.met = True
+    assert sufficient(missed) is None
+    # Nothing that was tried does.
+    missed = plan_of({CHOSEN: 1.2, LARGE: 1.1})
+    missed.walk.met = False
+    assert sufficient(missed) is None
 
 
 def test_the_table_of_steps_names_it_in_figures(monkeypatch: pytest.MonkeyPatch) -> None:

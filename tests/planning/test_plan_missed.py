@@ -18,10 +18,11 @@ TOLERANCE = Tolerance.of(reflected=0.1, delta_e=1.0, cole=0.5)
 SUN, SKY = SimpleNamespace(name="sun"), SimpleNamespace(name="sky")
 
 
-def planned(*errors: Errors, name: str = "paint") -> MaterialPlan:
+def planned(*errors: Errors, name: str = "paint", of_samples: bool = False) -> MaterialPlan:
     """One colour with these errors, one lighting each."""
     samples = SimpleNamespace(channels=("r", "g", "b"), isotropic=True)
-    fits: Any = SimpleNamespace(source=SimpleNamespace(samples=samples, name=name), rungs=(COLOUR, *FITS))
+    source = SimpleNamespace(samples=samples, name=name, reflectance=SimpleNamespace(of_samples=of_samples))
+    fits: Any = SimpleNamespace(source=source, rungs=(COLOUR, *FITS))
     judges: Any = tuple(SimpleNamespace(lighting=each) for each in (SUN, SKY)[: len(errors)])
     used = [TOLERANCE.used(each) for each in errors]
     worst = max(used, key=lambda each: each.ratio)
@@ -43,6 +44,11 @@ def test_every_missed_limit_is_named_with_what_is_reached() -> None:
         " for other views)"
     )
     assert missed_words(planned(MET), Budget(bytes=20)) == ""
+
+
+def test_what_samples_are_compared_with_is_said() -> None:
+    said, of_samples = (missed_words(planned(MISSED, of_samples=each), Budget()) for each in (False, True))
+    assert of_samples == f"{said} against an interpolation of the samples"
 
 
 def test_each_limit_is_of_the_lighting_that_misses_it_most() -> None:
