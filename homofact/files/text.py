@@ -57,7 +57,10 @@ def number_table(
     for number, line in lines:
         words = line.split(separator)
         if len(words) != columns:
-            raise BadInput(f"{len(words)} columns", where=f"{path}: line {number}", expected=f"{columns} ({what})")
+            hint = "commas between columns, points in numbers" if separator == "," and ";" in line else ""
+            raise BadInput(
+                f"{len(words)} columns", where=f"{path}: line {number}", expected=f"{columns} ({what})", hint=hint
+            )
         try:
             row = [float(word) for word in words]
         except ValueError:
