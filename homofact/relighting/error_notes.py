@@ -39,5 +39,5 @@ def error_notes(name: str, found: RelightErrors | None, separate: bool) -> tuple
         return ()
     advice = "more kept coefficients or terms may help"
     if not separate:
-        advice = 'lobe = "separate" sums a sharp highlight exactly, more terms make a broad one better'
+        advice = 'lobe = "separate" suits a sharp highlight, more terms a broad one'
     return (f"{name}: its picture differs visibly from the exact one ({', '.join(poor)}); {advice}",)

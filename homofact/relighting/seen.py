@@ -10,6 +10,7 @@ picture, including the rims of objects.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 
 import numpy as np
 import torch
@@ -132,18 +133,8 @@ class _TexelParts:
         """For maps of `size` texels along a face; None where the highlight is wider than a texel."""
         width = half_width(reflectance)
         times = texel_divisions(width, size)
-        if not times:
-            return None
         # Twice as fine as the sum of the separate lobe, which is judged by this.
-        across = 2 << times
-        finer = size * across
-
-        def parts(values: np.ndarray) -> np.ndarray:
-            shape = (cube.FACES, size, across, size, across, *values.shape[3:])
-            return values.reshape(shape).swapaxes(2, 3).reshape(cube.FACES * size**2, across**2, *values.shape[3:])
-
-        solid = np.broadcast_to(cube.solid_angles(finer), (cube.FACES, finer, finer))
-        return cls(parts(cube.directions(finer)), parts(solid), _REACH * width, 2 / size)
+        return cls(*_parts_of_texels(size, 2 << times), _REACH * width, 2 / size) if times else None
 
     def divided(
         self, lit: np.ndarray, wi: np.ndarray, angles: np.ndarray, rows: np.ndarray, wo: np.ndarray
@@ -158,6 +149,19 @@ class _TexelParts:
             np.concatenate((wi[~near], self.w[fine].reshape(-1, 3) @ rows.T)),
             np.concatenate((angles[~near], self.angles[fine].reshape(-1))),
         )
+
+
+@lru_cache(maxsize=2)
+def _parts_of_texels(size: int, across: int) -> tuple[np.ndarray, np.ndarray]:
+    """Directions (T, P, 3) and solid angles (T, P) of the parts of each texel, `across` along a side."""
+    finer = size * across
+
+    def parts(values: np.ndarray) -> np.ndarray:
+        shape = (cube.FACES, size, across, size, across, *values.shape[3:])
+        return values.reshape(shape).swapaxes(2, 3).reshape(cube.FACES * size**2, across**2, *values.shape[3:])
+
+    solid = np.broadcast_to(cube.solid_angles(finer), (cube.FACES, finer, finer))
+    return parts(cube.directions(finer)), parts(solid)
 
 
 def seen_vertices(

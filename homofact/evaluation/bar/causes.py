@@ -18,7 +18,7 @@ _SAME = {
 }  # fmt: skip
 
 WORDS = {
-    "mended": "the difference between the fit and an interpolation of the nearest samples",
+    "mended": "the error that a correction by the nearest samples removes",
     "bias": "the error on which both halves of the samples agree",
     "apart": "the difference between the fit and an interpolation of the samples",
     "unexplained": "the variation of the samples that the fit does not explain",
