@@ -152,7 +152,7 @@ class SeparateLobe:
             np.ascontiguousarray(points.frames, np.float32), np.ascontiguousarray(points.wo, np.float32),
             np.ascontiguousarray(points.corners, np.int64), np.ascontiguousarray(points.shares, np.float32),
         )  # fmt: skip
-        table = TableArrays(self.table.values, self.table.width, self.table.period)
+        table = TableArrays(self.table.values, self.table.width, self.table.period, self.table.whole)
         given_light = CellArrays(cells.light, cells.places, cells.parts, cells.starts, cells.divisions)
         sum_lobe(given, self.sight.arrays, given_light, table, out, half_seen)
         return out

@@ -7,8 +7,9 @@ import numpy as np
 from numba import prange
 
 from homofact.linear.kernels import kernel
-from homofact.relighting.lobe_table import FARTHEST, PEAK, STEEPEST
+from homofact.relighting.lobe_table import STEEPEST
 from homofact.relighting.sight import seen_part
+from homofact.relighting.slope_grid import FARTHEST, PEAK
 
 # The widest cell, its extent in slopes of h as a part of the table's width w. Beyond slopes of `CORE` w it may grow
 # with the slope, parts of a bright texel beyond `NEAR` w.
@@ -42,6 +43,7 @@ class TableArrays(NamedTuple):
     values: np.ndarray
     width: float
     period: float
+    whole: bool
 
 
 class HalfSeenCells(NamedTuple):
@@ -67,8 +69,7 @@ class HalfSeenCells(NamedTuple):
 @kernel(nogil=True, inline="always", fastmath=True)
 def _added(grid, a, b, own, found):  # pragma: no cover (compiled)
     """(3 values) with `own` times those of a grid of half vectors at (a, b), bilinear."""
-    nodes = grid.shape[0]
-    i, j = min(int(a), nodes - 2), min(int(b), nodes - 2)
+    i, j = min(int(a), grid.shape[0] - 2), min(int(b), grid.shape[1] - 2)
     a, b = a - np.float32(i), b - np.float32(j)
     one = np.float32(1)
     w00, w01 = own * (one - a) * (one - b), own * (one - a) * b
@@ -117,22 +118,24 @@ def sum_lobe(points, sight, cells, lobe, out, half_seen):  # pragma: no cover (c
     What a point sees is that of the vertices `corners` (P, 3), mixed by `shares` (P, 3); `sight` are
     `SightArrays`, `half_seen` `HalfSeenCells`.
     """
-    table, width, period = lobe
+    table, width, period, circle = lobe
     light, places, parts, starts, divisions = cells
     count = len(parts)
     frames, views, corners, shares = points
     room, least = half_seen[0].shape[1], half_seen[4]
-    levels, turns, nodes = table.shape[0], table.shape[1], table.shape[2]
+    levels, turns = table.shape[0], table.shape[1]
     top = len(starts) - 1
     texels = np.int64(_ROOT_CELLS) << (2 * top)
     sights = sight.texels
     finer = 0
     while (sights << (2 * finer)) < texels:
         finer += 1
-    one, half, mid = np.float32(1), np.float32(0.5), np.float32(nodes - 1) / np.float32(2)
+    one, half = np.float32(1), np.float32(0.5)
     w, widest, tail, close = np.float32(width), np.float32(WIDEST), np.float32(1 - CORE), np.float32(NEAR * width)
-    # Places on the grid, as `lobe_table` has them.
-    steep, rim = np.float32(PEAK / width), np.float32(1 / math.log1p(FARTHEST * PEAK / width))
+    # Places on the grid, as `slope_grid` has them, times the steps between its nodes.
+    steep = np.float32(PEAK / width)
+    along = np.float32((table.shape[2] - 1) / math.log1p(FARTHEST * PEAK / width))
+    around, last = np.float32((table.shape[3] - 1) / (4 if circle else 2)), np.float32(table.shape[2] - 1)
     for p in prange(len(frames)):
         ox, oy, oz = views[p, 0], views[p, 1], views[p, 2]
         out[p, 0], out[p, 1], out[p, 2] = 0, 0, 0
@@ -183,10 +186,10 @@ def sum_lobe(points, sight, cells, lobe, out, half_seen):  # pragma: no cover (c
                         size, at = np.int64(1) << (2 * max(k - finer, 0)), place >> (2 * finer)
                         seen, fewest, most = _seen_between(sight, corners[p], shares[p], face, at, size)
                         if seen > 0:
-                            scale = steep * rim
-                            if slope * steep > np.float32(1e-4):
-                                scale = min(math.log(one + slope * steep) * rim, one) / slope
-                            a, b = ((ca * hx + sa * hy) * scale + one) * mid, ((ca * hy - sa * hx) * scale + one) * mid
+                            ux, uy = ca * hx + sa * hy, ca * hy - sa * hx
+                            side = ux / max(abs(ux) + abs(uy), np.float32(1e-30))
+                            a = min(math.log(one + slope * steep) * along, last)
+                            b = (np.float32(3) + side if circle and uy < 0 else one - side) * around
                             f = (np.float32(0), np.float32(0), np.float32(0))
                             for step in range(2):
                                 own = up if step else one - up

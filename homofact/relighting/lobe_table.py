@@ -4,18 +4,12 @@ A sharp lobe needs hundreds of in-out factors. What is left without it is smooth
 
     lobe(ωi, ωo) = T(θo, φo, s)/(cosθi cosθo),    s = (hx, hy)/hz,    h = ωi + ωo,
 
-with h turned so that the viewer's azimuth is 0: T is linear between the nodes of a grid. Highlights stay where they are
-in the half vector, whatever θo, so that few θo do. The nodes of h lie evenly in the square of
-
-    u = s/|s| ln(1 + PEAK |s|/w)/ln(1 + PEAK FARTHEST/w),    w a few widths of the lobe:
-
-evenly in s at the peak, evenly in ln s beyond it, since highlights end in tails over decades of s. Beyond slopes of
-FARTHEST the table ends. The nodes of θo lie densest near the horizon, θ = STEEPEST (1 − (1 − t)²) at even t; a view
-beyond is raised to it. An isotropic material has one φo.
+with h turned so that the viewer's azimuth is 0: T is linear between the nodes of a grid (`slope_grid`). Highlights stay
+where they are in the half vector, whatever θo, so that few θo do. The nodes of θo lie densest near the horizon,
+θ = STEEPEST (1 − (1 − t)²) at even t; a view beyond is raised to it. An isotropic material has one φo.
 
 T is (f − b) cosθi cosθo, b the least f of that ωo: what is like it stays in the rest. Both cosines take off what grows
-towards the horizon; under it T is 0. A node holds T less a twelfth of its second differences: a line between samples
-lies x(1 − x)/2 of these above T, a twelfth on average.
+towards the horizon; under it T is 0. The nodes are fitted to linear interpolation.
 
 The rest is f − lobe, whatever T is: the two add up to f. What the grid does not hold of f is in the rest, and of that
 as much is kept as its in-out factors hold.
@@ -37,16 +31,16 @@ from homofact.brdf.reflectance import Derived, Reflectance
 from homofact.brdf.symmetry import find_symmetry
 from homofact.brdf.tinted import Tinted
 from homofact.geometry.directions import from_spherical
+from homofact.relighting.slope_grid import fitted, node_slopes, places_of
 
 STEEPEST = math.radians(89.7)
-LEVELS, NODES = 28, 91
-# With several φo, which make a table large.
-TURNS, TURNED_LEVELS, TURNED_NODES = 24, 40, 41
-PEAK, FARTHEST = 8.0, 20.0
+# Nodes of θo, along the slope and around it; with several φo, which make a table large, of a whole circle.
+SIZE = (40, 112, 52)
+TURNS, TURNED_SIZE = 24, (40, 36, 47)
 _WIDTHS = 3.0  # w, in widths of the lobe at half height
 _BROAD = 0.5  # a grid of a larger width holds what is not of the lobe too
-# Tables of all of a material: levels and nodes, and what one may err by at pairs of directions up to this angle.
-_SIZES, _SMALL, _NEARLY = ((6, 7), (12, 13), (20, 21), (40, 41)), 0.01, 1.2
+# Tables of all of a material: their sizes, and what one may err by at pairs of directions up to this angle.
+_SIZES, _SMALL, _NEARLY = ((6, 7, 7), (12, 13, 13), (20, 21, 21), (40, 41, 41)), 0.01, 1.2
 _PAIRS, _ASKED = 2000, math.radians(85)
 _HORIZON = 0.02  # the least cosθi at which f is asked for a broad grid
 _BASE_COSINE = 0.2  # the least f is looked for at larger cosθi
@@ -56,8 +50,9 @@ _HALF_VIEW, _HALF_AZIMUTHS = 0.5, 8
 
 @dataclass(frozen=True)
 class LobeTable:
-    """T as `values` (levels, turns, N, N, 3) float32 in sr⁻¹; `width` is w; φo has the `period` in radians.
+    """T as `values` (levels, turns, along, around, 3) float32 in sr⁻¹; `width` is w; φo has the `period` in radians.
 
+    Around is a `whole` circle, or the half of it of a lobe that is the same on both sides of the plane of incidence.
     `cosine` is true if T includes cosθi. `tinted` (levels, 3) float32 is the part of each channel that the base colour
     of a texture multiplies, linear between the nodes of θo; None without a texture. The table is a `Reflectance` of
     three channels: the lobe.
@@ -66,6 +61,7 @@ class LobeTable:
     values: np.ndarray
     width: float
     period: float
+    whole: bool
     channels: tuple[str, ...] = ("R", "G", "B")
     cosine: bool = True
     tinted: np.ndarray | None = None
@@ -112,14 +108,15 @@ class LobeTable:
     def record(self) -> dict[str, Any]:
         """Its numbers, beside the values."""
         tinted = None if self.tinted is None else self.tinted.tolist()
-        return {"width": self.width, "period": self.period, "cosine": self.cosine, "tinted": tinted}
+        numbers = {"width": self.width, "period": self.period, "whole": self.whole, "cosine": self.cosine}
+        return {**numbers, "tinted": tinted}
 
     @answering_in_kind
     def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
         """Values (N, 3) of the lobe in sr⁻¹, without the cosine; 0 under the horizon."""
         shown = (wi[:, 2] > 0) & (wo[:, 2] > 0)
         wi, wo = wi.double(), _raised(wo.double())
-        levels, turns, nodes = self.values.shape[:3]
+        levels, turns, *nodes = self.values.shape[:4]
         rows = torch.from_numpy(self.values).reshape(-1, 3)
         level = _level_of(torch.acos(wo[:, 2].clamp(0, 1)), levels).clamp(0, levels - 1)
         low = level.long().clamp_max(levels - 2)
@@ -129,10 +126,9 @@ class LobeTable:
         h = wi + wo
         slope = h[:, :2] / h[:, 2:].clamp_min(1e-9)
         slope = torch.stack((c * slope[:, 0] + s * slope[:, 1], c * slope[:, 1] - s * slope[:, 0]), 1)
-        far = slope.norm(dim=1, keepdim=True)
-        u = slope / far.clamp_min(1e-12) * _place_of(far, self.width)
-        at = (u + 1) / 2 * (nodes - 1)
-        (i, j), (x, y) = at.long().clamp_max(nodes - 2).unbind(1), (at - at.long().clamp_max(nodes - 2)).unbind(1)
+        at = [place * (n - 1) for place, n in zip(places_of(slope, self.width, self.whole), nodes, strict=True)]
+        i, j = (each.long().clamp_max(n - 2) for each, n in zip(at, nodes, strict=True))
+        x, y = at[0] - i, at[1] - j
         turn = (torch.atan2(wo[:, 1], wo[:, 0]) / self.period % 1) * turns
         first, over, up = turn.long() % turns, turn - turn.long(), level - low
         # Of one turn, both neighbours are the same.
@@ -141,12 +137,12 @@ class LobeTable:
         for k, share in around:
             for above in (0, 1):
                 own = share * (up if above else 1 - up)
-                corner = (((low + above) * turns + k) * nodes + i) * nodes + j
+                corner = (((low + above) * turns + k) * nodes[0] + i) * nodes[1] + j
                 for a in (0, 1):
                     for b in (0, 1):
                         w = own * (x if a else 1 - x) * (y if b else 1 - y)
                         # By one index: torch gathers rows by four much slower.
-                        found += w[:, None] * rows.index_select(0, corner + (nodes * a + b))
+                        found += w[:, None] * rows.index_select(0, corner + (nodes[1] * a + b))
         found /= wo[:, 2:] * (wi[:, 2:].clamp_min(1e-3) if self.cosine else 1.0)
         return torch.where(shown[:, None], found, 0.0)
 
@@ -214,8 +210,8 @@ def _small_table(reflectance: Reflectance, width: float) -> LobeTable:
     cosines = (wi[:, 2] * wo[:, 2])[:, None]
     exact = reflectance.evaluate(wi, wo).double() * cosines
     found: list[tuple[float, LobeTable]] = []
-    for levels, nodes in _SIZES:
-        table = _tabulated(reflectance, width, False, levels, nodes)
+    for size in _SIZES:
+        table = _tabulated(reflectance, width, False, size)
         found.append((float((table.evaluate(wi, wo) * cosines - exact).norm() / exact.norm()), table))
         if found[-1][0] <= _SMALL:
             return table
@@ -223,53 +219,32 @@ def _small_table(reflectance: Reflectance, width: float) -> LobeTable:
 
 
 def _tabulated(
-    reflectance: Reflectance, width: float, lobe: bool, levels: int | None = None, nodes: int | None = None
+    reflectance: Reflectance, width: float, lobe: bool, size: tuple[int, int, int] | None = None
 ) -> LobeTable:
     """T on the grid of a width: of the `lobe`, without the least f; or of all of f, without cosθi."""
     symmetry = find_symmetry(reflectance)
-    turns = 1 if symmetry.isotropic else TURNS
-    usual = (LEVELS, NODES) if turns == 1 else (TURNED_LEVELS, TURNED_NODES)
-    levels, nodes = usual[0] if levels is None else levels, usual[1] if nodes is None else nodes
+    turns, whole = 1 if symmetry.isotropic else TURNS, not (symmetry.isotropic and symmetry.mirrored)
+    levels, along, around = (SIZE if turns == 1 else TURNED_SIZE) if size is None else size
+    if whole and turns == 1:
+        around = 2 * around - 1
     period = math.pi if symmetry.half_turn and turns > 1 else 2 * math.pi
-    along = torch.linspace(-1, 1, nodes, dtype=torch.float64)
-    u = torch.stack(torch.meshgrid(along, along, indexing="ij"), -1)
-    rim = u.norm(dim=-1, keepdim=True)
-    slope = u / rim.clamp_min(1e-12) * _slope_at(rim.clamp_max(1), width)
+    slope = node_slopes(along, around, width, whole)
     theta = _angles(levels)
-    values = torch.zeros(levels, turns, nodes, nodes, 3, dtype=torch.float64)
+    values = torch.zeros(levels, turns, along, around, 3, dtype=torch.float64)
     for level, angle in enumerate(theta.tolist()):
         wo = from_spherical(*torch.tensor([angle, 0.0], dtype=torch.float64))
         wi = _mirrored(slope, wo).reshape(-1, 3)
         if not lobe:
             wi = _raised(wi, _HORIZON)
-        cosine = wi[:, 2].clamp_min(0).reshape(nodes, nodes) if lobe else torch.ones(nodes, nodes).double()
+        cosine = wi[:, 2].clamp_min(0).reshape(along, around) if lobe else torch.ones(along, around).double()
         for turn in range(turns):
             phi = turn * period / turns
             asked = [_turned(w, phi) for w in (wi, wo.expand(len(wi), 3))]
             f = reflectance.evaluate(*asked).double().expand(-1, 3)
             least = f[wi[:, 2] > _BASE_COSINE].amin(0) if lobe else 0.0
-            values[level, turn] = (f - least).reshape(nodes, nodes, 3) * (cosine * wo[2])[..., None]
-    return LobeTable(_fitted(values).float().numpy(), width, period, _channels(reflectance), cosine=lobe)
-
-
-def _place_of(slope: Tensor, width: float) -> Tensor:
-    """|u| of slopes |s| on the grid of a width, 1 at most."""
-    return (torch.log1p(slope * PEAK / width) / math.log1p(FARTHEST * PEAK / width)).clamp_max(1)
-
-
-def _slope_at(place: Tensor, width: float) -> Tensor:
-    """|s| of places |u| up to 1: the inverse of `_place_of`."""
-    return torch.expm1(place * math.log1p(FARTHEST * PEAK / width)) * width / PEAK
-
-
-def _fitted(values: Tensor) -> Tensor:
-    """Grids (L, turns, N, N, 3) less a twelfth of their second differences along both axes, but by half at most."""
-    bent = torch.zeros_like(values)
-    bent[:, :, 1:-1] += values[:, :, 2:] - 2 * values[:, :, 1:-1] + values[:, :, :-2]
-    bent[..., 1:-1, :] += values[..., 2:, :] - 2 * values[..., 1:-1, :] + values[..., :-2, :]
-    # At the foot of a steep peak a whole twelfth would be below 0: a dark ring round the highlight.
-    most = values.abs() / 2
-    return values - (bent / 12).clamp(-most, most)
+            values[level, turn] = (f - least).reshape(along, around, 3) * (cosine * wo[2])[..., None]
+    held = fitted(values, whole).float().numpy()
+    return LobeTable(held, width, period, whole, _channels(reflectance), cosine=lobe)
 
 
 def half_width(reflectance: Reflectance) -> float:

@@ -36,8 +36,8 @@ from homofact.scene.folders import read_scene_archive, report_name, write_scene_
 
 REPORT = report_name(RELIT)
 _EXPECTED = "a relit scene that homofact wrote"
-_FORMAT, _VERSION = "homofact relit scene", 7
-_OLDEST = 7  # with the grids of lobes as they are now
+_FORMAT, _VERSION = "homofact relit scene", 8
+_OLDEST = 8  # with the grids of lobes as they are now
 
 
 @dataclass(frozen=True)

@@ -269,17 +269,17 @@ def _lobe(part: Part, entry: Fields, made: WaveletTransport) -> SeparateLobe:
 
 def _table(part: Part, name: str, numbers: Fields) -> LobeTable:
     values = part.floats(name, (None, None, None, None, 3))
-    levels, turns, rows, columns, _ = values.shape
-    if min(levels, rows) < 2 or turns < 1 or rows != columns:
-        raise part.refuse(name, f"is of shape {values.shape}", "square grids of two nodes or more")
+    levels, turns, along, around, _ = values.shape
+    if min(levels, along, around) < 2 or turns < 1:
+        raise part.refuse(name, f"is of shape {values.shape}", "grids of two nodes or more each way")
     width, period = numbers.number("width", above=0), numbers.number("period", above=0)
-    cosine = numbers.flag("cosine")
+    whole, cosine = numbers.flag("whole"), numbers.flag("cosine")
     tinted = None
     if numbers.found.get("tinted") is not None:
         tinted = np.array(numbers.rows("tinted", levels, 3), np.float32)
         if tinted.min() < 0 or tinted.max() > 1:
             numbers.refuse("tinted", "numbers from 0 to 1")
-    return LobeTable(values, width, period, cosine=cosine, tinted=tinted)
+    return LobeTable(values, width, period, whole, cosine=cosine, tinted=tinted)
 
 
 def _sunlight(

@@ -10,17 +10,18 @@ along each axis (the first term of Poisson's summation formula; the next is of f
 (1 + A)² of the mean light. The half vector turns half as far as the light: a lobe whose half width at half height is s
 in slopes of h has σ = 2 s/√(2 ln 2). At the middle of a face the step is d = 2/n, the largest.
 
-So the sums divide the texels near the mirror direction until the pattern is gone, up to `_MOST` times into 2 × 2 parts
-with the texel's radiance: a narrow highlight then mirrors squares of even light, smoothed by its own width.
+So the sums divide the texels near the mirror direction until the pattern is gone, again and again into 2 × 2 parts with
+the texel's radiance, down to `FINEST` along a face: a narrow highlight then mirrors squares of even light, smoothed by
+its own width.
 """
 
 import math
 
-from homofact.relighting.cube import SIZES
-
-# The strongest pattern that is left where a texel can be divided, and how often it is at most. Obliquely, at a cosine
-# of `_OBLIQUE`, the lobe is so much narrower across the plane of incidence.
-_UNSEEN, _MOST, _OBLIQUE = 0.01, 2, 0.4
+# Parts along a face at most.
+FINEST = 256
+# The strongest pattern that is left where a texel can be divided. Obliquely, at a cosine of `_OBLIQUE`, the lobe is so
+# much narrower across the plane of incidence.
+_UNSEEN, _OBLIQUE = 0.01, 0.4
 _WORTH_A_NOTE = 0.03
 
 
@@ -51,7 +52,7 @@ def texel_ripple(half_width: float, size: int) -> float:
 
 
 def texel_divisions(half_width: float, size: int) -> int:
-    """How often the texels of a cube map are divided into 2 × 2 parts for a lobe of this half width: 0, 1 or 2.
+    """How often the texels of a cube map are divided into 2 × 2 parts for a lobe of this half width.
 
     Parameters
     ----------
@@ -63,28 +64,25 @@ def texel_divisions(half_width: float, size: int) -> int:
     Returns
     -------
     int
-        0 for lobes wider than a texel.
+        0 for lobes wider than a texel; as often as `FINEST` allows for the narrowest.
 
     Examples
     --------
-    >>> texel_divisions(0.05, 64), texel_divisions(0.02, 64), texel_divisions(0.0085, 64)
-    (0, 1, 2)
+    >>> texel_divisions(0.05, 64), texel_divisions(0.02, 64), texel_divisions(0.0085, 64), texel_divisions(0.0085, 32)
+    (0, 1, 2, 3)
     """
-    narrow = _OBLIQUE * half_width
-    fine_enough = (each for each in range(_MOST) if texel_ripple(narrow, size << each) < _UNSEEN)
-    return next(fine_enough, _MOST)
+    narrow, times = _OBLIQUE * half_width, 0
+    while size << times < FINEST and texel_ripple(narrow, size << times) >= _UNSEEN:
+        times += 1
+    return times
 
 
 def texel_note(name: str, half_width: float, size: int) -> tuple[str, ...]:
     """A line on the pattern in pictures of an object of this name, if it is worth one although texels are divided."""
-    ripple = texel_ripple(half_width, size << texel_divisions(half_width, size))
+    ripple = texel_ripple(_OBLIQUE * half_width, size << texel_divisions(half_width, size))
     if ripple < _WORTH_A_NOTE:
         return ()
-    finer = [other for other in SIZES if other > size]
-    enough = [other for other in finer if not texel_note(name, half_width, other)]
-    better = enough[:1] or finer[-1:]
-    advice = f"; cube = {better[0]} in [transport] makes it weaker" if better else ""
     return (
-        f"{name}: its highlight is much narrower than a texel of the sky's cube map (cube = {size}), so its light is up"
-        f" to {ripple:.0%} too bright in a pattern of dots{advice}",
+        f"{name}: its highlight is so narrow that, seen obliquely, its light is up to {ripple:.0%} too bright in a"
+        " pattern of dots",
     )

@@ -174,7 +174,7 @@ def test_a_relit_scene_s_objects_in_their_compact_form_and_a_ground_that_fades()
 
 def lobe(vertices: int) -> SeparateLobe:
     """One of no light, and vertices that see nothing."""
-    table = LobeTable(np.zeros((2, 1, 2, 2, 3), np.float32), 1.0, 2 * math.pi)
+    table = LobeTable(np.zeros((2, 1, 2, 2, 3), np.float32), 1.0, 2 * math.pi, whole=False)
     return SeparateLobe(table, VertexSight.of(np.zeros((vertices, sight_words(SIZE)), np.uint64)))
 
 

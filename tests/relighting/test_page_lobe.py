@@ -104,7 +104,7 @@ def test_tables_and_sight_are_in_the_page(file: Path) -> None:
         assert packed["bytes"] == each.transport.nbytes + each.lobe.nbytes
         own, table = packed["lobe"], each.lobe.table
         assert (own["width"], own["period"], own["turns"]) == (table.width, table.period, table.turns)
-        assert (own["levels"], own["nodes"]) == (len(table.values), table.values.shape[2])
+        assert (own["levels"], own["turns"], own["along"], own["around"]) == table.values.shape[:4]
         values = unpack(own["values"]["values"]).astype(float) * own["values"]["scale"]
         size = np.abs(table.values)
         assert (np.abs(values - table.values) <= 2.0**-10 * size + 1e-9 * size.max()).all()

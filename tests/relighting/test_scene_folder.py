@@ -123,7 +123,7 @@ def test_files_that_are_none_are_refused(ready: RelightScene, tmp_path: Path) ->
     with pytest.raises(BadInput, match="holds no object_1_scale"):
         open_relit(tmp_path / "out")
     write_archive(file, header | {"version": 9}, arrays)
-    with pytest.raises(BadInput, match="format version 9, expected at most 7"):
+    with pytest.raises(BadInput, match="format version 9, expected at most 8"):
         open_relit(tmp_path / "out")
 
 

@@ -237,8 +237,8 @@ def _lobe(lobe: SeparateLobe, size: int) -> dict[str, Any]:
 
 
 def _table(table: LobeTable) -> dict[str, Any]:
-    levels, _, nodes = table.values.shape[:3]
-    numbers = {**table.record(), "levels": levels, "turns": table.turns, "nodes": nodes}
+    levels, turns, along, around = table.values.shape[:4]
+    numbers = {**table.record(), "levels": levels, "turns": turns, "along": along, "around": around}
     return {**numbers, "values": _halves(table.values)}
 
 

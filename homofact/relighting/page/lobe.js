@@ -12,22 +12,28 @@ const ROOTS = 8, ROOT_CELLS = ROOTS * ROOTS;
 // Numbers of a cell: direction, signed size, radiance, one unused. Cells in a row of their texture, two texels each.
 const CELL = 8, CELLS_ACROSS = 1024;
 
-// The nodes of a table lie evenly in ln(1 + PEAK |s|/width) up to |s| = FARTHEST (lobe_table.py).
+// Places of a half vector on a table's grid, from 0 to 1 (slope_grid.py).
 const PEAK = 8, FARTHEST = 20;
 
-/** What a half vector's slopes of the length `slope` are multiplied by to be its place on a table's grid, from -1 to 1. */
-function placeScale(slope, width) {
-  const steep = PEAK / width, rim = 1 / Math.log1p(FARTHEST * steep);
-  return slope * steep > 1e-4 ? Math.min(Math.log1p(slope * steep) * rim, 1) / slope : steep * rim;
+/** Along the slope of a half vector. */
+function placeAlong(slope, width) {
+  return Math.min(Math.log1p((slope * PEAK) / width) / Math.log1p((FARTHEST * PEAK) / width), 1);
 }
 
-/** The same for shaders. */
-const PLACE_SCALE = `
-#ifndef PLACE_SCALE
-#define PLACE_SCALE
-float placeScale(float slope, float width) {
-  float steep = ${PEAK}.0 / width, rim = 1.0 / log(1.0 + ${FARTHEST}.0 * steep);
-  return slope * steep > 1e-4 ? min(log(1.0 + slope * steep) * rim, 1.0) / slope : steep * rim;
+/** Round the peak, of a whole circle or of half of one. */
+function placeAround(hx, hy, whole) {
+  const p = hx / Math.max(Math.abs(hx) + Math.abs(hy), 1e-30);
+  return whole ? (hy < 0 ? 3 + p : 1 - p) / 4 : (1 - p) / 2;
+}
+
+/** Both for shaders: (around, along), as a texture has them. */
+const GRID_PLACE = `
+#ifndef GRID_PLACE
+#define GRID_PLACE
+vec2 gridPlace(vec2 h, float width, bool whole) {
+  float along = log(1.0 + length(h) * ${PEAK}.0 / width) / log(1.0 + ${FARTHEST * PEAK}.0 / width);
+  float p = h.x / max(abs(h.x) + abs(h.y), 1e-30);
+  return vec2(whole ? (h.y < 0.0 ? 3.0 + p : 1.0 - p) / 4.0 : (1.0 - p) / 2.0, min(along, 1.0));
 }
 #endif
 `;
@@ -204,13 +210,13 @@ function lobeRadiance(object, eye, cells) {
 }
 
 /** [start, share] of the grids of half vectors that a view lies between: of two levels, of two turns each where there are more. */
-function tableAt({ levels, turns, nodes, period }, ox, oy, oz) {
+function tableAt({ levels, turns, along, around, period }, ox, oy, oz) {
   const level = (1 - Math.sqrt(Math.max(1 - Math.acos(Math.min(oz, 1)) / STEEPEST, 0))) * (levels - 1);
   const low = Math.min(Math.floor(level), levels - 2), up = Math.min(level - low, 1);
   let turn = Math.atan2(oy, ox) / period;
   turn = (turn - Math.floor(turn)) * turns;
   const first = Math.floor(turn) % turns, over = turns > 1 ? turn - Math.floor(turn) : 0, second = (first + 1) % turns;
-  const grid = 3 * nodes * nodes, grids = [];
+  const grid = 3 * along * around, grids = [];
   for (const [k, part] of turns > 1 ? [[first, 1 - over], [second, over]] : [[0, 1]]) {
     grids.push([grid * (low * turns + k), (1 - up) * part], [grid * ((low + 1) * turns + k), up * part]);
   }
@@ -219,9 +225,9 @@ function tableAt({ levels, turns, nodes, period }, ox, oy, oz) {
 
 /** The sum over the cells at a vertex with `frame` (turned tangent, binormal, normal), before it is divided by cosθo. */
 function lobeAt(lobe, vertex, frame, across, oz, grids, cells) {
-  const { width, nodes, values, sight, words } = lobe, { starts, divisions, begin, parts } = cells, least = divisions - lobe.divisions;
+  const { width, whole, along, around, values, sight, words } = lobe, { starts, divisions, begin, parts } = cells, least = divisions - lobe.divisions;
   const [xx, xy, xz, yx, yy, yz, zx, zy, zz] = frame, top = starts.length - 1, texels = ROOT_CELLS << (2 * top);
-  const finer = finerLevels(words, cells), sights = texels >> (2 * finer), mid = (nodes - 1) / 2, row = 3 * nodes;
+  const finer = finerLevels(words, cells), sights = texels >> (2 * finer), row = 3 * around;
   let red = 0, green = 0, blue = 0;
   for (let face = 0; face < FACES; face++) {
     let place = 0, k = top, bright = false;
@@ -243,9 +249,9 @@ function lobeAt(lobe, vertex, frame, across, oz, grids, cells) {
           const size = 1 << (2 * Math.max(k - finer, 0)), at = face * sights + (place >> (2 * finer));
           const part = seenPart(sight, vertex * words, at, size);
           if (part > 0) {
-            const seen = part * extent * extent, scale = placeScale(slope, width);
-            let a = (hx * scale + 1) * mid, b = (hy * scale + 1) * mid;
-            const i = Math.min(Math.floor(a), nodes - 2), j = Math.min(Math.floor(b), nodes - 2);
+            const seen = part * extent * extent;
+            let a = placeAlong(slope, width) * (along - 1), b = placeAround(hx, hy, whole) * (around - 1);
+            const i = Math.min(Math.floor(a), along - 2), j = Math.min(Math.floor(b), around - 2);
             a -= i;
             b -= j;
             let f0 = 0, f1 = 0, f2 = 0;

@@ -10,8 +10,8 @@ const LOBE_UNITS = { cells: 2, table: 3, sight: 4 };
  * `lobe(position, normal, tangent)`; u_eye stands before it. For a vertex, NUMBER; `between` the corners of a triangle,
  * v_corners, by its shares, v_share.
  */
-const lobeSum = ({ levels, turns, nodes, words, tinted }, between = false) => `
-${PLACE_SCALE}uniform highp sampler2D u_cells;
+const lobeSum = ({ levels, turns, along, around, whole, words, tinted }, between = false) => `
+${GRID_PLACE}uniform highp sampler2D u_cells;
 uniform highp sampler2DArray u_lobe;
 uniform highp usampler2D u_sight;
 uniform float u_lobe_scale;
@@ -24,7 +24,6 @@ uniform int u_divisions;
 uniform int u_least;
 
 const float STEEPEST = ${STEEPEST.toFixed(9)};
-const int NODES = ${nodes};
 
 vec4 cellPart(int cell, int part) {
   return texelFetch(u_cells, ivec2(2 * (cell % ${CELLS_ACROSS}) + part, cell / ${CELLS_ACROSS}), 0);
@@ -56,7 +55,7 @@ ${between ? `  ivec3 corners = ivec3(v_corners);
 
 /** The grids of the turns lie one under the other, those of the levels are layers. */
 vec3 tableAt(vec2 at, int turn, int level) {
-  vec2 place = vec2(at.y + 0.5, at.x + 0.5 + float(turn * NODES)) / vec2(float(NODES), ${nodes * turns}.0);
+  vec2 place = vec2(at.x + 0.5, at.y + 0.5 + float(turn * ${along})) / vec2(${around}.0, ${along * turns}.0);
   return textureLod(u_lobe, vec3(place, float(level)), 0.0).rgb;
 }
 
@@ -102,7 +101,7 @@ ${tinted ? "  lobeTinted = mix(LOBE_TINTED[low], LOBE_TINTED[low + 1], up);\n" :
         if (!divided && z > 0.0) {
           float seen = seenPart(face * sights + (place >> (2 * u_finer)), 1 << (2 * max(k - u_finer, 0)));
           if (seen > 0.0) {
-            vec2 at = (h * placeScale(slope, u_lobe_width) + 1.0) * ${((nodes - 1) / 2).toFixed(1)};
+            vec2 at = gridPlace(h, u_lobe_width, ${whole}) * vec2(${around - 1}.0, ${along - 1}.0);
 ${turns === 1 ? `            vec3 f = mix(tableAt(at, 0, low), tableAt(at, 0, low + 1), up);
 ` : `            vec3 f = mix(mix(tableAt(at, first, low), tableAt(at, first, low + 1), up),
               mix(tableAt(at, second, low), tableAt(at, second, low + 1), up), over);
@@ -171,10 +170,10 @@ class CellsOnGpu {
 }
 
 /** A table's grids: those of the turns lie one under the other, those of the levels are layers. */
-function tableTexture(gl, { levels, turns, nodes, halves }) {
+function tableTexture(gl, { levels, turns, along, around, halves }) {
   const texture = makeTexture(gl, gl.TEXTURE_2D_ARRAY, gl.LINEAR);
   gl.pixelStorei(gl.UNPACK_ALIGNMENT, 2);
-  gl.texImage3D(gl.TEXTURE_2D_ARRAY, 0, gl.RGB16F, nodes, nodes * turns, levels, 0, gl.RGB, gl.HALF_FLOAT, halves);
+  gl.texImage3D(gl.TEXTURE_2D_ARRAY, 0, gl.RGB16F, around, along * turns, levels, 0, gl.RGB, gl.HALF_FLOAT, halves);
   gl.pixelStorei(gl.UNPACK_ALIGNMENT, 4);
   return texture;
 }

@@ -78,10 +78,10 @@ function spreadSuns(suns, turn, n) {
 }
 
 /** T (three numbers) of a table at the slopes of a half vector; `grids` are those of `tableAt`. */
-function tableValue({ width, nodes, values }, grids, hx, hy) {
-  const scale = placeScale(Math.hypot(hx, hy), width), mid = (nodes - 1) / 2, row = 3 * nodes, found = [0, 0, 0];
-  const a = (hx * scale + 1) * mid, b = (hy * scale + 1) * mid;
-  const i = Math.min(Math.floor(a), nodes - 2), j = Math.min(Math.floor(b), nodes - 2), u = a - i, v = b - j;
+function tableValue({ width, whole, along, around, values }, grids, hx, hy) {
+  const a = placeAlong(Math.hypot(hx, hy), width) * (along - 1), b = placeAround(hx, hy, whole) * (around - 1);
+  const i = Math.min(Math.floor(a), along - 2), j = Math.min(Math.floor(b), around - 2), u = a - i, v = b - j;
+  const row = 3 * around, found = [0, 0, 0];
   for (const [start, own] of grids) {
     const t = start + i * row + 3 * j;
     for (let k = 0; k < 3; k++) {

@@ -9,7 +9,7 @@ const SUN_UNITS = { tables: [5, 6, 10], shadow: 7, depths: 8 };
 
 /** `besideSky(position, normal)`; u_eye stands before it. */
 const lightSum = ({ tables }, count) => `
-${PLACE_SCALE}uniform highp sampler2DArrayShadow u_shadow;
+${GRID_PLACE}uniform highp sampler2DArrayShadow u_shadow;
 uniform highp sampler2DArray u_depths;
 // The direction to a sun and 0, or the place of a lamp and its radius; what it sends; half of a sun's angle.
 uniform vec4 u_light_at[${count}];
@@ -164,15 +164,15 @@ ${tables.map(tableLookUp).join("")}      f += part * reflected;
 `;
 
 /** Lines that add a table's value at the slopes h to `reflected`. Its numbers are its scale, width and period. */
-function tableLookUp({ levels, turns, nodes, cosine, tinted }, k) {
-  const rows = nodes * turns, from = (turn, layer) =>
-    `textureLod(u_sun_table_${k}, vec3((at.y + 0.5) / ${nodes}.0, (at.x + 0.5 + float(${turn} * ${nodes})) / ${rows}.0, float(${layer})), 0.0).rgb`;
+function tableLookUp({ levels, turns, along, around, whole, cosine, tinted }, k) {
+  const rows = along * turns, from = (turn, layer) =>
+    `textureLod(u_sun_table_${k}, vec3((at.x + 0.5) / ${around}.0, (at.y + 0.5 + float(${turn} * ${along})) / ${rows}.0, float(${layer})), 0.0).rgb`;
   const between = (turn) => `mix(${from(turn, "low")}, ${from(turn, "low + 1")}, up)`;
   const value = turns === 1 ? between("0") : `mix(${between("first")}, ${between("second")}, over)`;
   return `    level = place * ${levels - 1}.0;
     low = min(int(level), ${levels - 2});
     up = min(level - float(low), 1.0);
-    at = (h * placeScale(length(h), u_sun_numbers_${k}.y) + 1.0) * ${((nodes - 1) / 2).toFixed(1)};
+    at = gridPlace(h, u_sun_numbers_${k}.y, ${whole}) * vec2(${around - 1}.0, ${along - 1}.0);
 ${turns === 1 ? "" : `    turn = fract(atan(turned.y, turned.x) / u_sun_numbers_${k}.z) * ${turns}.0;
     over = fract(turn);
     first = int(turn) % ${turns};
