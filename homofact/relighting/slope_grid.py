@@ -35,7 +35,7 @@ def places_of(slope: Tensor, width: float, whole: bool) -> tuple[Tensor, Tensor]
 
 
 def node_slopes(along: int, around: int, width: float, whole: bool) -> Tensor:
-    """Slopes (along, around, 2) of the nodes. Of a whole circle the first and the last node around are the same."""
+    """Slopes (along, around, 2) of the nodes; a whole circle has the same node around first and last."""
     place = torch.linspace(0, 1, along, dtype=torch.float64)
     length = torch.expm1(place * math.log1p(FARTHEST * PEAK / width)) * width / PEAK
     turned = torch.linspace(0, 4 if whole else 2, around, dtype=torch.float64)

@@ -297,8 +297,8 @@ def test_scenes_of_another_grid_of_lobes_are_refused(tmp_path: Path, made: Made)
     saved(tmp_path, made)
     file = tmp_path / "out" / "relight.npz"
     arrays, header = read_archive(file)
-    write_archive(file, header | {"version": 6}, arrays)
-    with refused(found="version 6"):
+    write_archive(file, header | {"version": 7}, arrays)
+    with refused(found="version 7"):
         open_relit(tmp_path / "out")
 
 
