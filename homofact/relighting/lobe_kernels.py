@@ -7,7 +7,7 @@ import numpy as np
 from numba import prange
 
 from homofact.linear.kernels import kernel
-from homofact.relighting.lobe_table import STEEPEST
+from homofact.relighting.lobe_table import CROWDING, STEEPEST
 from homofact.relighting.sight import seen_part
 from homofact.relighting.slope_grid import FARTHEST, PEAK
 
@@ -145,7 +145,8 @@ def sum_lobe(points, sight, cells, lobe, out, half_seen):  # pragma: no cover (c
             # Raised to the last level.
             raised = math.sqrt((one - np.float32(_LEAST * _LEAST)) / max(ox * ox + oy * oy, np.float32(1e-12)))
             ox, oy, oz = ox * raised, oy * raised, np.float32(_LEAST)
-        level = (one - math.sqrt(max(one - math.acos(min(oz, one)) / np.float32(STEEPEST), 0.0))) * (levels - 1)
+        steepness = max(one - math.acos(min(oz, one)) / np.float32(STEEPEST), 0.0)
+        level = (one - steepness ** (1 / CROWDING)) * (levels - 1)
         low = min(int(level), levels - 2)
         up = np.float32(min(level - low, 1.0))
         across = math.sqrt(ox * ox + oy * oy)

@@ -6,7 +6,7 @@ A sharp lobe needs hundreds of in-out factors. What is left without it is smooth
 
 with h turned so that the viewer's azimuth is 0: T is linear between the nodes of a grid (`slope_grid`). Highlights stay
 where they are in the half vector, whatever θo, so that few θo do. The nodes of θo lie densest near the horizon,
-θ = STEEPEST (1 − (1 − t)²) at even t; a view beyond is raised to it. An isotropic material has one φo.
+θ = STEEPEST (1 − (1 − t)^1.5) at even t; a view beyond is raised to it. An isotropic material has one φo.
 
 T is (f − b) cosθi cosθo, b the least f of that ωo: what is like it stays in the rest. Both cosines take off what grows
 towards the horizon; under it T is 0. The nodes are fitted to linear interpolation.
@@ -34,8 +34,9 @@ from homofact.geometry.directions import from_spherical
 from homofact.relighting.slope_grid import fitted, node_slopes, places_of
 
 STEEPEST = math.radians(89.7)
+CROWDING = 1.5
 # Nodes of θo, along the slope and around it; with several φo, which make a table large, of a whole circle.
-SIZE = (40, 112, 52)
+SIZE = (56, 96, 44)
 TURNS, TURNED_SIZE = 24, (40, 36, 47)
 _WIDTHS = 3.0  # w, in widths of the lobe at half height
 _BROAD = 0.5  # a grid of a larger width holds what is not of the lobe too
@@ -279,11 +280,11 @@ def _tinted_parts(reflectance: Tinted, levels: int) -> np.ndarray:
 
 def _angles(levels: int) -> Tensor:
     """θo of the nodes."""
-    return STEEPEST * (1 - (1 - torch.linspace(0, 1, levels, dtype=torch.float64)) ** 2)
+    return STEEPEST * (1 - (1 - torch.linspace(0, 1, levels, dtype=torch.float64)) ** CROWDING)
 
 
 def _level_of(theta: Tensor, levels: int) -> Tensor:
-    return (1 - (1 - theta / STEEPEST).clamp_min(0).sqrt()) * (levels - 1)
+    return (1 - (1 - theta / STEEPEST).clamp_min(0) ** (1 / CROWDING)) * (levels - 1)
 
 
 def _raised(w: Tensor, least: float = math.cos(STEEPEST)) -> Tensor:

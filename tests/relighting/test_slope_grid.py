@@ -41,10 +41,10 @@ def test_places_around_rise_with_the_angle(whole: bool) -> None:
 def test_nodes_are_fitted_to_linear_interpolation(whole: bool) -> None:
     """A wave around errs between the nodes by half of what its samples would, at the ends of the circle too."""
     place = torch.linspace(0, 1, 13, dtype=torch.float64)
-    turns = 2 if whole else 1
-    samples = (3 + torch.cos(math.pi * turns * place)).expand(5, 13)[..., None]
+    turns, start = (2, 0.7) if whole else (1, 0.0)
+    samples = (3 + torch.cos(math.pi * turns * place + start)).expand(5, 13)[..., None]
     held, fine = fitted(samples, whole), torch.linspace(0, 1, 1201, dtype=torch.float64)
-    exact = 3 + torch.cos(math.pi * turns * fine)
+    exact = 3 + torch.cos(math.pi * turns * fine + start)
 
     def between(values: torch.Tensor) -> torch.Tensor:
         at = fine * 12
@@ -54,7 +54,7 @@ def test_nodes_are_fitted_to_linear_interpolation(whole: bool) -> None:
     before, after = (float((between(each) - exact).norm()) for each in (samples, held))
     assert after < 0.45 * before
     # Every node is fitted, those at both ends as those between.
-    expected = (2 * math.cos(math.pi * turns / 12) - 2) / 12 * torch.cos(math.pi * turns * place)
+    expected = (2 * math.cos(math.pi * turns / 12) - 2) / 12 * torch.cos(math.pi * turns * place + start)
     assert torch.allclose((samples - held)[2, :, 0], expected, atol=1e-12)
 
 

@@ -12,8 +12,13 @@ const ROOTS = 8, ROOT_CELLS = ROOTS * ROOTS;
 // Numbers of a cell: direction, signed size, radiance, one unused. Cells in a row of their texture, two texels each.
 const CELL = 8, CELLS_ACROSS = 1024;
 
-// Places of a half vector on a table's grid, from 0 to 1 (slope_grid.py).
-const PEAK = 8, FARTHEST = 20;
+// Places on a table's grid, from 0 to 1 (lobe_table.py, slope_grid.py).
+const PEAK = 8, FARTHEST = 20, CROWDING = 1.5;
+
+/** Of a view at this cosine. */
+function placeOfView(oz) {
+  return 1 - Math.max(1 - Math.acos(Math.min(oz, 1)) / STEEPEST, 0) ** (1 / CROWDING);
+}
 
 /** Along the slope of a half vector. */
 function placeAlong(slope, width) {
@@ -26,10 +31,14 @@ function placeAround(hx, hy, whole) {
   return whole ? (hy < 0 ? 3 + p : 1 - p) / 4 : (1 - p) / 2;
 }
 
-/** Both for shaders: (around, along), as a texture has them. */
+/** The same for shaders; of a half vector (around, along), as a texture has them. */
 const GRID_PLACE = `
 #ifndef GRID_PLACE
 #define GRID_PLACE
+float placeOfView(float oz) {
+  return 1.0 - pow(max(1.0 - acos(min(oz, 1.0)) / ${STEEPEST.toFixed(9)}, 0.0), ${(1 / CROWDING).toFixed(9)});
+}
+
 vec2 gridPlace(vec2 h, float width, bool whole) {
   float along = log(1.0 + length(h) * ${PEAK}.0 / width) / log(1.0 + ${FARTHEST * PEAK}.0 / width);
   float p = h.x / max(abs(h.x) + abs(h.y), 1e-30);
@@ -211,7 +220,7 @@ function lobeRadiance(object, eye, cells) {
 
 /** [start, share] of the grids of half vectors that a view lies between: of two levels, of two turns each where there are more. */
 function tableAt({ levels, turns, along, around, period }, ox, oy, oz) {
-  const level = (1 - Math.sqrt(Math.max(1 - Math.acos(Math.min(oz, 1)) / STEEPEST, 0))) * (levels - 1);
+  const level = placeOfView(oz) * (levels - 1);
   const low = Math.min(Math.floor(level), levels - 2), up = Math.min(level - low, 1);
   let turn = Math.atan2(oy, ox) / period;
   turn = (turn - Math.floor(turn)) * turns;

@@ -74,7 +74,7 @@ vec3 lobe(vec3 position, vec3 normal, vec3 tangent) {
   if (facing < cos(STEEPEST)) across = sin(STEEPEST);
   // The frame is turned so that the viewer's azimuth is 0.
   vec3 x = turned.x * s + turned.y * b, y = turned.x * b - turned.y * s;
-  float level = (1.0 - sqrt(max(1.0 - acos(min(oz, 1.0)) / STEEPEST, 0.0))) * ${levels - 1}.0;
+  float level = placeOfView(oz) * ${levels - 1}.0;
   int low = min(int(level), ${levels - 2});
   float up = min(level - float(low), 1.0);
 ${tinted ? "  lobeTinted = mix(LOBE_TINTED[low], LOBE_TINTED[low + 1], up);\n" : ""}${turns === 1 ? "" : `  float turn = fract(atan(turned.y, turned.x) / u_lobe_period) * ${turns}.0, over = fract(turn);

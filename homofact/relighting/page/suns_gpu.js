@@ -110,7 +110,7 @@ vec3 besideSky(vec3 position, vec3 normal) {
   float across = length(aside);
   vec2 turned = across > 1e-6 ? aside / across : vec2(1.0, 0.0);
   vec3 x = turned.x * t + turned.y * b, y = turned.x * b - turned.y * t;
-  float place = 1.0 - sqrt(max(1.0 - acos(min(oz, 1.0)) / ${STEEPEST.toFixed(9)}, 0.0)), level, up, turn, over;
+  float place = placeOfView(oz), level, up, turn, over;
   int low, first, second;
   vec3 sum = vec3(0.0), f, reflected, mirror = normalize(2.0 * dot(n, w) * n - w);
   vec2 h, at;

@@ -29,7 +29,7 @@ function tintsAt({ width, height, bytes, scale }, uv) {
 /** What a table's light is multiplied by, in channel k at a vertex (3 v = p) towards a view of cosine `oz`; 1 without a texture. */
 function tintOf({ tinted, levels }, tint, p, oz, k) {
   if (!tint || !tinted) return 1;
-  const level = (1 - Math.sqrt(Math.max(1 - Math.acos(Math.min(oz, 1)) / STEEPEST, 0))) * (levels - 1);
+  const level = placeOfView(oz) * (levels - 1);
   const low = Math.min(Math.floor(level), levels - 2), up = Math.min(level - low, 1);
   return 1 + (tinted[low][k] * (1 - up) + tinted[low + 1][k] * up) * (tint.vertices[p + k] - 1);
 }
