@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from homofact.evaluation.wording import trust_in_words
 from sitemaker.navigation import ROOT
 
 FITS = ROOT / "build" / "gallery"
@@ -66,9 +67,13 @@ def _index(found: list[Fit]) -> str:
                 name = fit.folder.name
                 lines += [f":::{{grid-item-card}} {name}", f":img-top: {name}/sphere.png", f":link: {name}",
                           ":link-type: doc", f":img-alt: {name} under a sky", ""]  # fmt: skip
-                lines += [fit.record["report"]["verdict"]["summary"], ":::", ""]
+                lines += [_verdict(fit.record["report"]), ":::", ""]
         lines += ["::::", ""]
     return "\n".join(lines)
+
+
+def _verdict(report: dict[str, Any]) -> str:
+    return trust_in_words(report["verdict"]["trusted"], report["verdict"]["summary"])
 
 
 def _page(fit: Fit) -> str:
@@ -85,7 +90,7 @@ def _page(fit: Fit) -> str:
         "",
         "## Verdict",
         "",
-        f"**{'Trusted' if verdict['trusted'] else 'Not trusted'}**: {verdict['summary']}.",
+        f"{_verdict(report)[:1].upper()}{_verdict(report)[1:]}.",
         "",
         *(f"- `{each['name']}`: {each['found']}: {each['remedy']}" for each in verdict["findings"]),
         "",

@@ -50,7 +50,7 @@ def fit_facts(place: Path) -> tuple[str, dict[str, Any], dict[str, Any]] | None:
     verdict = fit.verdict
     if verdict is not None:
         facts["verdict"] = {"trusted": verdict.trusted, "summary": verdict.summary}
-        rows["verdict"] = verdict.summary or ("no warning" if verdict.trusted else "warning")
+        rows["verdict"] = verdict.summary
     bars = None if verdict is None else verdict.bars
     if bars is not None:
         facts["bars"] = bars.record()

@@ -16,6 +16,7 @@ import numpy as np
 from homofact.brdf.in_kind import Pairs
 from homofact.errors import BadInput, Report, Status
 from homofact.evaluation.bar.error_bar import ErrorBar, ErrorBars
+from homofact.evaluation.wording import trust_in_words
 from homofact.factor.evaluation import Evaluation
 from homofact.factor.spectral_fit import SpectralFit
 from homofact.shading.encoded import plain
@@ -33,7 +34,7 @@ class Judgement(Protocol):
 
     @property
     def trusted(self) -> bool:
-        """Whether its verdict has no warning."""
+        """Whether its verdict has no warning, and no picture of it a visible artefact."""
         ...
 
     @property
@@ -307,7 +308,7 @@ class RecordedVerdict:
         findings = record.get("findings")
         kept = [finding for finding in findings if isinstance(finding, dict)] if isinstance(findings, list) else []
         summary = record.get("summary")
-        words = summary if isinstance(summary, str) else ""
+        words = trust_in_words(record["trusted"], summary if isinstance(summary, str) else "")
         bars = ErrorBars.of_record(record["bars"]) if "bars" in record else None
         return cls(record["trusted"], words, tuple(kept), record, bars)
 

@@ -52,6 +52,22 @@ def part_of_limit(ratio: float) -> str:
     return f"{ratio:.0f} ×" if ratio < 1e5 else f"{figure(ratio)} ×"
 
 
+def trust_in_words(trusted: bool, said: str = "") -> str:
+    """Return whether a fit is trusted, before the sentence of its verdict; one that begins so stays as it is.
+
+    Examples
+    --------
+    >>> trust_in_words(True, "measured everywhere: highlight within 2%")
+    'trusted; measured everywhere: highlight within 2%'
+    >>> trust_in_words(False)
+    'not trusted'
+    """
+    word = "trusted" if trusted else "not trusted"
+    if said in ("", word):
+        return word
+    return said if said.startswith(f"{word}; ") else f"{word}; {said}"
+
+
 def findings_named(names: Sequence[str]) -> str:
     """Findings by name, as they follow a verdict's sentence: " (findings: coverage, light)"; "" where there is none.
 

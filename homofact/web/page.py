@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from homofact.brdf.source import Source
 from homofact.evaluation.bar.error_bar import ErrorBars
 from homofact.evaluation.reopening import NotReopened, Reopened, reopen, settings_of
-from homofact.evaluation.wording import figure, findings_named
+from homofact.evaluation.wording import figure, findings_named, trust_in_words
 
 if TYPE_CHECKING:
     from homofact.errors import Report
@@ -179,7 +179,7 @@ def _verdict(report: Mapping[str, Any]) -> "Facts":
     # Reports of earlier versions have no sentence.
     names = [str(each.get("name")) for each in listed]
     said = verdict.get("summary")
-    words = said if isinstance(said, str) else "no fault found" if verdict["trusted"] else "not to be trusted"
+    words = trust_in_words(verdict["trusted"], said if isinstance(said, str) else "")
     bars = ErrorBars.of_record(verdict.get("bars"))
     stated = bars is not None and any(bar.error is not None for bar in bars.by_angle)
     angles = tuple(f"{bar.degrees[0]:.0f}°: {bar.between()}" for bar in bars.by_angle) if bars and stated else ()

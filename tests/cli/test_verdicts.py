@@ -1,11 +1,14 @@
 """A verdict in one line: how far a fit may be off, and what widens that, in the terminal; all findings on the page."""
 
+from dataclasses import replace
+
 import pytest
 from judged import Altered, names, seen, verdict
 from refusals import refused
 
-from homofact.cli.verdicts import USUAL, brief_lines, strictness
-from homofact.evaluation.wording import findings_named
+from homofact.api.result import RecordedVerdict
+from homofact.cli.verdicts import USUAL, brief_lines, strictness, verdict_line
+from homofact.evaluation.wording import findings_named, trust_in_words
 from homofact.web import page
 
 
@@ -26,6 +29,24 @@ def test_findings_follow_the_sentence_as_such() -> None:
     assert light[1] == "5°: 1 to 1"
     assert findings_named([]) == ""
     assert findings_named(["artefact", "light", "artefact"]) == " (findings: artefact, light)"
+
+
+def test_terminal_record_and_page_say_whether_a_fit_is_trusted_in_the_same_words() -> None:
+    sound, bad = verdict(seen=seen()), verdict(seen=replace(seen(), off_sky=0.5))
+    for judged, word in ((sound, "trusted"), (bad, "not trusted")):
+        assert judged.trusted is (word == "trusted")
+        record = judged.record()
+        read = RecordedVerdict.of(record)
+        assert read is not None
+        page_row = page._verdict({"verdict": record})[0][1]
+        for said in (judged.summary, record["summary"], read.summary, page_row):
+            assert said.startswith(f"{word}; measured everywhere: ")
+        assert verdict_line(judged).startswith(f"Verdict: {word}; measured")
+        # Results of earlier versions lack the word.
+        earlier = RecordedVerdict.of(record | {"summary": "off by 3%"})
+        assert earlier is not None
+        assert earlier.summary == f"{word}; off by 3%"
+    assert (trust_in_words(True), trust_in_words(False)) == ("trusted", "not trusted")
 
 
 @pytest.mark.parametrize(("text", "meant"), [("", False), (USUAL, True), ("0.05", 0.05), ("0", 0.0)])

@@ -106,7 +106,7 @@ def test_the_gallery_shows_the_fits_that_are_there(tmp_path: Path) -> None:
     assert [fit.folder.name for fit in found] == ["zinc", "aqua"]
     assert pages[INDEX].index("## Metals") < pages[INDEX].index("zinc") < pages[INDEX].index("## Paints")
     page = pages["gallery_fits/zinc"]
-    for told in ("**Trusted**: right to 3%.", "half was not measured: measure there", "0.0123", "36,864", "50.0 dB"):
+    for told in ("Trusted; right to 3%.", "half was not measured: measure there", "0.0123", "36,864", "50.0 dB"):
         assert told in page
     for picture in ("sphere.png", "texture_0.png", "compare.png"):
         assert f"(zinc/{picture})" in page

@@ -304,8 +304,8 @@ def test_the_error_bars_by_angle_stand_beside_the_verdict() -> None:
     at = (replace(bar, degrees=(5.0, 5.0)), replace(bar, degrees=(20.0, 20.0), kind=BarKind.WITHDRAWN, error=None))
     report = {"verdict": {"trusted": True, "summary": "as it is", "bars": ErrorBars((bar,), at).record()}}
     assert _verdict(report) == (
-        ("Verdict", "as it is"),
+        ("Verdict", "trusted; as it is"),
         ("Total reflected light, source over fit", "5°: 0.8 to 1.25, 20°: unknown"),
     )
     # Reports of earlier versions have none.
-    assert _verdict({"verdict": {"trusted": True, "summary": "as it was"}}) == (("Verdict", "as it was"),)
+    assert _verdict({"verdict": {"trusted": True, "summary": "as it was"}}) == (("Verdict", "trusted; as it was"),)

@@ -8,6 +8,7 @@ from homofact.evaluation.artefacts.look import Look
 from homofact.evaluation.bar.error_bar import ErrorBars
 from homofact.evaluation.verdict.figures import Figures
 from homofact.evaluation.verdict.finding import About, Finding
+from homofact.evaluation.wording import trust_in_words
 
 
 @dataclass(frozen=True)
@@ -65,10 +66,10 @@ class Verdict:
 
     @property
     def summary(self) -> str:
-        """Return the possible error of the fit, and the warning if there is one, in one sentence."""
+        """Return whether the fit is trusted, its possible error, and the warning if there is one, in one sentence."""
         warned = f"; warning: {self.alarm.score:.0%} likely to be bad" if self.alarm.given else ""
         shown = f"; visible artefacts: {', '.join(self._artefacts)}" if self._artefacts else ""
-        return self.bars.sentence() + shown + warned
+        return trust_in_words(self.trusted, self.bars.sentence() + shown + warned)
 
     @property
     def cause(self) -> str:

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from homofact.evaluation.metric_table import REPORTED
-from homofact.evaluation.wording import figure
+from homofact.evaluation.wording import figure, trust_in_words
 from homofact.sweeps.ledger import Aside
 from homofact.sweeps.report.html import finding_words, page_html, safe
 from homofact.sweeps.report.reading import ReportedFit
@@ -54,7 +54,7 @@ def _figures(fits: Sequence[ReportedFit]) -> str:
             str(row.fetches),
             figure(row.seconds),
             row.status,
-            "trusted" if row.trusted else "not\u00a0trusted",
+            trust_in_words(row.trusted).replace(" ", "\u00a0"),
             *(figure(row.metrics[metric.name]) for metric in REPORTED),
         ]
         link = f"<a href='#{row.key}'>{safe(row.label)}</a>"
@@ -71,7 +71,7 @@ def _card(fit: ReportedFit, shown: FitFiles) -> str:
     parts = [
         f"<section class='panel fit' id='{row.key}' aria-label='{safe(row.label)}'>",
         f"<h2>{safe(row.label)}{f', seed {row.seed}' if row.seed else ''}</h2>",
-        f"<p class='verdict {grade}'><b>{'Trusted' if row.trusted else 'Not trusted'}</b>: {safe(fit.summary)}</p>",
+        f"<p class='verdict {grade}'>Verdict: {safe(fit.summary)}</p>",
     ]
     if shown.viewer is not None:
         parts.append(f"<p><a class='button' href='../fits/{shown.viewer}'>Open the viewer</a></p>")

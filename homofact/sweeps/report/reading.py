@@ -11,6 +11,7 @@ from pathlib import Path
 
 from homofact.errors import BadInput
 from homofact.evaluation.metric_table import REPORTED
+from homofact.evaluation.wording import trust_in_words
 from homofact.exporting.result import REPORT
 from homofact.files.fields import Fields
 from homofact.sweeps.ledger import SWEEP, Aside, Result, SweepLedger
@@ -128,7 +129,8 @@ def _fit(result: Result) -> ReportedFit:
     findings = tuple(
         ReportedFinding(*(record.text(name) for name in ("name", "about", "found", "remedy"))) for record in records
     )
-    return ReportedFit(result.task, row_of(result), verdict.text("summary"), findings, result.folder)
+    row = row_of(result)
+    return ReportedFit(result.task, row, trust_in_words(row.trusted, verdict.text("summary")), findings, result.folder)
 
 
 def _parts(version: str) -> tuple[int, ...]:
