@@ -108,6 +108,15 @@ class TransportPlan:
         return transport_record(self.objects) | {"scene": self.scene, "light": self.light}
 
 
+class PlanRefused(BadInput):
+    """A plan that `strict` or `refuse` rejects; `result` is the plan."""
+
+    def __init__(self, why: BadInput, result: PlanResult | TransportPlan) -> None:
+        """Take the reason's place and words."""
+        super().__init__(why.found, where=why.where, expected=why.expected, hint=why.hint)
+        self.result = result
+
+
 def plan(
     scene: "Place | Scene",
     to: Place | None = None,
@@ -144,10 +153,10 @@ def plan(
     count : int, optional
         Pairs drawn from an analytic model.
     strict : bool or float, optional
-        Raise an error if a tolerance is missed or a verdict warns; a number is the largest accepted probability of a
-        bad fit.
+        Raise `PlanRefused` if a tolerance is missed or a verdict warns; a number is the largest accepted probability of
+        a bad fit. A plan that misses a tolerance is written first, one with a refused fit is not.
     refuse : sequence of str, optional
-        Refuse a fit with any of these findings.
+        Raise `PlanRefused` for a fit with any of these findings.
     force : bool, optional
         Replace a plan that is in the folder.
     progress : callable, optional
@@ -161,7 +170,9 @@ def plan(
     Raises
     ------
     BadInput
-        For a scene or sources that cannot be read, a folder that is taken, and what is refused.
+        For a scene or sources that cannot be read, and a folder that is taken.
+    PlanRefused
+        A `BadInput` with the plan as `result`: for what `strict` and `refuse` reject.
 
     Examples
     --------
@@ -215,17 +226,19 @@ def plan(
         other = None
         if other_lighting is not None:
             other = plan_scene(replace(asked, lightings=(other_lighting,)), options, fits, clock)
-        if refusal.strict and found.warnings:
-            raise BadInput(found.warnings[0])
         verdicts = _verdicts(found, steps)
-        for label, verdict in verdicts.items():
-            if verdict is not None:
-                refusal.check(verdict, label)
+        missed = refusal.strict and bool(found.warnings)
+        refused = None if missed else refusal.first(verdicts)
+        if refused is not None:
+            raise PlanRefused(refused, PlanResult(found, verdicts, other, None, None))
         steps.stage("writing")
         if figure is not None:
             _draw(figure, found)
         folders = None if folder is None else write_plan(folder, found, force)
-    return PlanResult(found, verdicts, other, folders, figure)
+    result = PlanResult(found, verdicts, other, folders, figure)
+    if missed:
+        raise PlanRefused(BadInput(found.warnings[0]), result)
+    return result
 
 
 def transport_record(plans: "Sequence[ObjectPlan]") -> dict[str, Any]:
@@ -276,8 +289,8 @@ def _draw(figure: Path, found: "ScenePlan") -> None:
 def _plan_transport(scene: Path, given: Mapping[str, object], strict: bool, steps: ProgressSteps) -> TransportPlan:
     """Plan the transport of a scene of relighting.
 
-    Raises BadInput for options that are about fits, a scene without a tolerance and, if `strict`, a tolerance that
-    cannot be met.
+    Raises BadInput for options that are about fits and a scene without a tolerance, and PlanRefused, if `strict`, for a
+    tolerance that cannot be met.
     """
     for name, value in given.items():
         if value:
@@ -294,5 +307,5 @@ def _plan_transport(scene: Path, given: Mapping[str, object], strict: bool, step
     ready = open_relight_scene(asked, steps.stage)
     found = TransportPlan(asked.name, asked.light.describe(), asked.reflected, ready.plans, ready.notes)
     if strict and found.warnings:
-        raise BadInput(found.warnings[0])
+        raise PlanRefused(BadInput(found.warnings[0]), found)
     return found

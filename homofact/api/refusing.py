@@ -1,6 +1,6 @@
 """Refuse fits by their verdict: `strict` those with a warning, `refuse` those with certain findings."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -38,6 +38,16 @@ class Refusal:
             if unknown:
                 raise BadInput(where="refuse", found=repr(unknown[0]), expected=f"some of {', '.join(known)}")
         return cls(strict is not False, None if isinstance(strict, bool) else float(strict), tuple(names))
+
+    def first(self, verdicts: "Mapping[str, Verdict | None]") -> BadInput | None:
+        """Return why the first of several fits that is refused is refused; None if all are accepted."""
+        for label, verdict in verdicts.items():
+            if verdict is not None:
+                try:
+                    self.check(verdict, label)
+                except BadInput as refused:
+                    return refused
+        return None
 
     def check(self, verdict: "Verdict", label: str) -> None:
         """Raise BadInput for a fit that is refused, with why."""

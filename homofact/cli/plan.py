@@ -53,7 +53,8 @@ def plan(
         typer.Option(
             "--strict",
             metavar="[=P]",
-            help="Exit with code 2 if a tolerance is missed or a verdict warns; --strict=0.05 moves the threshold.",
+            help="Print the plan, and exit with code 2 if a tolerance is missed or a verdict warns; --strict=0.05 moves"
+            " the threshold.",
             show_default=False,
         ),
     ] = "",
@@ -69,33 +70,40 @@ def plan(
     the smallest error. For a relighting scene, it chooses the transport
     settings of each object: docs/relighting.md.
     """
-    from homofact.api.planning import PlanResult, TransportPlan, plan
+    from homofact.api.planning import PlanRefused, PlanResult, TransportPlan, plan
 
     screen = Screen(as_json, quiet)
+    refused = None
     with screen.progress() as progress:
-        found = plan(
-            scene, write, plot=plot, against=against, tolerance=tolerance, effort=_SETTINGS["effort"].from_text(effort),
-            budget=budget, count=count, strict=strictness(strict), refuse=names_of(refuse), force=force,
-            progress=progress,
-        )  # fmt: skip
+        try:
+            found = plan(
+                scene, write, plot=plot, against=against, tolerance=tolerance,
+                effort=_SETTINGS["effort"].from_text(effort), budget=budget, count=count, strict=strictness(strict),
+                refuse=names_of(refuse), force=force, progress=progress,
+            )  # fmt: skip
+        except PlanRefused as error:
+            # The plan shows what is missed, and what would meet it.
+            found, refused = error.result, error
     if isinstance(found, TransportPlan):
         _show_transport(found, screen)
     # Without a folder they are all that there is to see, as of `compare`.
     elif not quiet or write is None:
         _show(found, screen)
     if isinstance(found, PlanResult):
-        if plot is not None:
-            screen.note(f"The figure: {plot}")
-        if write is not None:
+        if found.plot is not None:
+            screen.note(f"The figure: {found.plot}")
+        if write is not None and found.folders is not None:
             from homofact.planning.export import COLOUR
 
             screen.note(f"The choices: {write}")
-            fits = [name for name in (found.folders or {}).values() if not (write / name / COLOUR).exists()]
+            fits = [name for name in found.folders.values() if not (write / name / COLOUR).exists()]
             if fits:
                 screen.note(f"Export one to an engine: homofact export {write / fits[0]} --to FOLDER --engine three")
     if as_json:
         # With verdicts on what was chosen under the other lighting, which nothing else shows.
         screen.answer(found.record())
+    if refused is not None:
+        raise refused
 
 
 def _show(found: "PlanResult", screen: Screen) -> None:
