@@ -83,7 +83,7 @@ def factorize(
             *(hanging(line, len(BULLET)) if line.startswith(BULLET) else Text(line) for line in finding_lines(verdict)),
             hanging(figures_line(verdict), len("  ")),
             "",
-            *(advice_lines(verdict) or _next_lines(found)),
+            *([hanging(line, len("  ")) for line in advice_lines(found.row)] or _next_lines(found)),
         )
     screen.answer(found.record())
 

@@ -8,6 +8,7 @@ from homofact.errors import BadInput
 from homofact.evaluation.wording import figure, findings_named
 
 if TYPE_CHECKING:
+    from homofact.evaluation.compare import ComparisonRow
     from homofact.evaluation.verdict.finding import Finding
     from homofact.evaluation.verdict.verdict import Verdict
 
@@ -16,11 +17,12 @@ BULLET = "  - "  # before a finding
 LEAST_LEFT_OUT = 0.01  # of the pictures: from here on it is said
 
 
-def verdict_lines(verdict: "Verdict") -> list[str]:
+def verdict_lines(row: "ComparisonRow") -> list[str]:
     """Return the error bars in sentences with a warning and its cause, the findings and their figures, what to try."""
+    verdict = row.verdict
     return [
         verdict_line(verdict), *where_lines(verdict), *cause_lines(verdict), *finding_lines(verdict),
-        figures_line(verdict), *advice_lines(verdict),
+        figures_line(verdict), *advice_lines(row),
     ]  # fmt: skip
 
 
@@ -52,11 +54,19 @@ def finding_lines(verdict: "Verdict") -> list[str]:
     return lines
 
 
-def advice_lines(verdict: "Verdict") -> list[str]:
-    """Return the option to try first after a warning, in a line; no line if no option is known to help."""
-    if not verdict.recommended:
+def advice_lines(row: "ComparisonRow") -> list[str]:
+    """Return what to try after a fit that is not trusted, in a line; no line if no option is known to help."""
+    from homofact.evaluation.verdict.next_steps import next_steps
+
+    steps = next_steps(row.verdict, row.factorization, row.settings)
+    if not steps:
         return []
-    return [f"Try next: the same command with {option(verdict.recommended)}"]
+    parts = [
+        " ".join(map(option, step.settings)) + ("" if step.bytes is None else f" (about {step.bytes} bytes)")
+        for step in steps
+    ]
+    compared = "" if len(steps) == 1 else "; keep the fit with the smaller held-out error"
+    return [f"Try next: the same command with {', or with '.join(parts)}{compared}"]
 
 
 def figures_line(verdict: "Verdict") -> str:

@@ -241,7 +241,7 @@ def compare(chosen: Any) -> int:
         place = chosen.out / "factorization.npz"
         row.factorization.save(place)
         words = [f"log MSE {figure(row.held_out.log_mse)} on held-out samples, fitted in {row.seconds_fit:.1f} s"]
-        verdict = [f"- {line.lstrip(' -')}" for line in verdict_lines(row.verdict)]
+        verdict = [f"- {line.lstrip(' -')}" for line in verdict_lines(row)]
     fit = open_fit(place)
     measured = measured_bsdf(file)
     name = file.stem.removesuffix("_rgb")
