@@ -32,9 +32,12 @@ def verdict_line(verdict: "Verdict") -> str:
 
 
 def where_lines(verdict: "Verdict") -> list[str]:
-    """Return at which angles the fit is good and at which bad, in a line; no line if it has no bars by angle."""
-    words = verdict.bars.by_angle_sentence()
-    return [f"Where: {words}"] if words else []
+    """Return at which angles the fit is good and at which bad, and where its bars rest on extrapolation.
+
+    A line each; no line if it has no bars by angle, or they are all alike.
+    """
+    bars = verdict.bars
+    return [f"Where: {words}" for words in (bars.by_angle_sentence(), bars.extrapolated_sentence()) if words]
 
 
 def cause_lines(verdict: "Verdict") -> list[str]:

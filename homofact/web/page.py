@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from homofact.brdf.source import Source
-from homofact.evaluation.bar.error_bar import ErrorBars
+from homofact.evaluation.bar.error_bar import ErrorBar, ErrorBars
 from homofact.evaluation.reopening import NotReopened, Reopened, reopen, settings_of
 from homofact.evaluation.wording import figure, findings_named, trust_in_words
 
@@ -182,9 +182,14 @@ def _verdict(report: Mapping[str, Any]) -> "Facts":
     words = trust_in_words(verdict["trusted"], said if isinstance(said, str) else "")
     bars = ErrorBars.of_record(verdict.get("bars"))
     stated = bars is not None and any(bar.error is not None for bar in bars.by_angle)
-    angles = tuple(f"{bar.degrees[0]:.0f}°: {bar.between()}" for bar in bars.by_angle) if bars and stated else ()
+    angles = tuple(map(_at_angle, bars.by_angle)) if bars and stated else ()
     light = (("Total reflected light, source over fit", ", ".join(angles)),) if angles else ()
     return (("Verdict", words + findings_named(names)), *light)
+
+
+def _at_angle(bar: ErrorBar) -> str:
+    beyond = f" ({bar.unmeasured:.0%} of it in directions without measurements)" if bar.rests_on_extrapolation else ""
+    return f"{bar.degrees[0]:.0f}°: {bar.between()}{beyond}"
 
 
 def _reported_errors(report: Mapping[str, Any]) -> dict[str, Any]:

@@ -8,9 +8,12 @@ import pytest
 import torch
 from judged import MODEL, TRAIN, Altered, measured, noisy, verdict
 from refusals import refused
+from torch import Tensor
 
 import homofact
 from homofact.api.result import RecordedVerdict
+from homofact.brdf.log_transform import LogTransform
+from homofact.brdf.materials import material
 from homofact.brdf.quality.extrapolation import Extrapolation
 from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
@@ -100,6 +103,34 @@ def test_the_worst_angle_is_no_surer_than_each(scale: float) -> None:
     worst = found.of("albedo").error
     assert worst is not None
     assert all(bar.error is not None and bar.error <= worst for bar in found.by_angle)
+
+
+class Plastic(Altered):
+    """A fit that is the plastic itself, much of whose light grazes."""
+
+    model = material("cook-torrance-plastic").model
+
+    def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
+        return self.model.evaluate(wi, wo)
+
+
+def test_light_in_unmeasured_directions_is_named_where_it_is_more_than_the_bar() -> None:
+    """Even a right fit rests on extrapolation where the views end: no sample shows what leaves beyond."""
+    samples = measured(sample_model(Plastic.model, 5000, "lobe", seed=8))
+    limit = math.cos(math.radians(78))
+    views = samples.select((samples.wo[:, 2] > limit) & (samples.wi[:, 2] > limit))
+    found, whole = (
+        verdict(Plastic(transform=LogTransform.of(each, 1e-2)), train=each).bars for each in (views, samples)
+    )
+    wrong, last = found.by_angle[-1], whole.by_angle[-1]
+    assert wrong.degrees == last.degrees == (75.0, 75.0)
+    assert wrong.unmeasured > 0.15 > 0.05 > last.unmeasured
+    assert wrong.rests_on_extrapolation
+    assert not last.rests_on_extrapolation
+    assert "75°" in found.extrapolated_sentence()
+    assert found.interval("albedo", 75).unmeasured == wrong.unmeasured
+    again = ErrorBars.of_record(found.record())
+    assert again == found
 
 
 def test_bars_end_where_the_measurement_ends() -> None:

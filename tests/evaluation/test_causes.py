@@ -1,6 +1,7 @@
 """Why a verdict warns and where a fit is good: the causes of the score, the angles of the bars, what is advised."""
 
 import math
+from dataclasses import replace
 
 import pytest
 
@@ -74,6 +75,23 @@ def test_a_sentence_says_where_a_fit_is_good(errors: tuple[float | None, ...], w
 @pytest.mark.parametrize("errors", [(), (0.1,), (0.03, 0.04), (1.5, 0.2)])
 def test_what_is_the_same_at_all_angles_is_not_said_again(errors: tuple[float, ...]) -> None:
     assert bars(*errors).by_angle_sentence() == ""
+
+
+def test_a_sentence_names_the_angles_whose_bars_rest_on_extrapolation() -> None:
+    made = bars(0.03, 0.03, 0.2, None, 0.06)
+    shares = (0.04, 0.10, 0.15, 0.9, 0.22)  # below 5%, above the bar, below the bar, without a bar, above the bar
+    by_angle = tuple(replace(bar, unmeasured=share) for bar, share in zip(made.by_angle, shares, strict=True))
+    assert [bar.rests_on_extrapolation for bar in by_angle] == [False, True, False, False, True]
+    assert ErrorBars((), by_angle).extrapolated_sentence() == (
+        "the error may exceed the limits at 15° and 60° incidence: 10% and 22% of the light leaves in directions without"
+        " measurements"
+    )
+    assert (
+        ErrorBars((), by_angle[:2])
+        .extrapolated_sentence()
+        .startswith("the error may exceed the limit at 15° incidence")
+    )
+    assert made.extrapolated_sentence() == ""
 
 
 def test_no_advice_leads_to_a_fit_that_cannot_be_exported() -> None:

@@ -307,5 +307,8 @@ def test_the_error_bars_by_angle_stand_beside_the_verdict() -> None:
         ("Verdict", "trusted; as it is"),
         ("Total reflected light, source over fit", "5°: 0.8 to 1.25, 20°: unknown"),
     )
+    grazing = ErrorBars((bar,), (replace(at[0], unmeasured=0.3),)).record()
+    ((_, words),) = _verdict({"verdict": {"trusted": True, "summary": "as it is", "bars": grazing}})[1:]
+    assert words == "5°: 0.8 to 1.25 (30% of it in directions without measurements)"
     # Reports of earlier versions have none.
     assert _verdict({"verdict": {"trusted": True, "summary": "as it was"}}) == (("Verdict", "trusted; as it was"),)

@@ -13,6 +13,7 @@ from enum import Enum
 from typing import Any
 
 from homofact.errors import BadInput
+from homofact.evaluation.wording import listed
 
 MOST = 9.0  # an error of nine times the value: a factor of ten
 WORDS = {
@@ -22,6 +23,7 @@ WORDS = {
     "lamp": "under a lamp",
 }
 _EDGE = 75.0  # θ in degrees up to which albedos are stated
+_WORTH_SAYING = 0.05  # of the light at an angle: from here on it is said that it leaves where nothing was measured
 GOOD = 0.15  # an albedo that is off by more makes a fit a bad one
 
 
@@ -47,6 +49,7 @@ class ErrorBar:
     rate : the share of fits that the bound holds for; 1 for what was measured.
     degrees : the range of θ in degrees for which it holds.
     reason : why it is withdrawn or wide, as a clause that "so the limits are wider" can follow; "" otherwise.
+    unmeasured : of the albedo at one angle, the share of the fit's light in directions without measurements.
     """
 
     quantity: str
@@ -55,16 +58,29 @@ class ErrorBar:
     rate: float
     degrees: tuple[float, float]
     reason: str = ""
+    unmeasured: float = 0.0
 
     @classmethod
     def stated(
-        cls, quantity: str, kind: BarKind, bound: float, rate: float, degrees: tuple[float, float], reason: str = ""
+        cls,
+        quantity: str,
+        kind: BarKind,
+        bound: float,
+        rate: float,
+        degrees: tuple[float, float],
+        reason: str = "",
+        unmeasured: float = 0.0,
     ) -> "ErrorBar":
         """Return a bar of a bound; withdrawn where that is more than `MOST`."""
         if not bound <= MOST:
             why = reason or f"it may be off by more than a factor of {1 + MOST:g}"
-            return cls(quantity, BarKind.WITHDRAWN, None, rate, degrees, why)
-        return cls(quantity, kind, bound, rate, degrees, reason)
+            return cls(quantity, BarKind.WITHDRAWN, None, rate, degrees, why, unmeasured)
+        return cls(quantity, kind, bound, rate, degrees, reason, unmeasured)
+
+    @property
+    def rests_on_extrapolation(self) -> bool:
+        """Whether more of the light leaves in directions without measurements than the bar is wide."""
+        return self.error is not None and self.unmeasured > max(self.error, _WORTH_SAYING)
 
     @property
     def low(self) -> float | None:
@@ -98,6 +114,7 @@ class ErrorBar:
             "rate": self.rate,
             "degrees": list(self.degrees),
             "reason": self.reason,
+            "unmeasured": self.unmeasured,
         }
 
     @classmethod
@@ -112,6 +129,7 @@ class ErrorBar:
             float(record["rate"]),
             (low, high),
             str(record["reason"]),
+            float(record.get("unmeasured", 0.0)),
         )
 
 
@@ -157,7 +175,8 @@ class ErrorBars:
         apart = two.degrees[0] - one.degrees[0]
         share = (theta - one.degrees[0]) / apart if apart > 0 else 0.0
         error = (1 - share) * one.error + share * two.error
-        return ErrorBar(quantity, one.kind, error, one.rate, (theta, theta), one.reason)
+        unmeasured = (1 - share) * one.unmeasured + share * two.unmeasured
+        return ErrorBar(quantity, one.kind, error, one.rate, (theta, theta), one.reason, unmeasured)
 
     @property
     def kind(self) -> BarKind:
@@ -205,6 +224,26 @@ class ErrorBars:
         parts = [f"{_grade(run[0])} at {_range(run)}{_within(run)}" for run in runs]
         joined = " and ".join(filter(None, (", ".join(parts[:-1]), parts[-1])))
         return f"by angle of incidence, total reflected light is {joined}"
+
+    def extrapolated_sentence(self) -> str:
+        """Return at which angles the bar rests on extrapolation, with the share of light; "" where at none.
+
+        Examples
+        --------
+        >>> bar = ErrorBar("albedo", BarKind.RIGHT, 0.06, 0.9, (75.0, 75.0), unmeasured=0.22)
+        >>> ErrorBars((), (bar,)).extrapolated_sentence()
+        'the error may exceed the limit at 75° incidence: 22% of the light leaves in directions without measurements'
+        """
+        found = [bar for bar in self.by_angle if bar.rests_on_extrapolation]
+        if not found:
+            return ""
+        angles = listed([f"{bar.degrees[0]:.0f}°" for bar in found])
+        shares = listed([f"{bar.unmeasured:.0%}" for bar in found])
+        limit = "limit" if len(found) == 1 else "limits"
+        return (
+            f"the error may exceed the {limit} at {angles} incidence: {shares} of the light leaves in directions"
+            " without measurements"
+        )
 
     def record(self) -> dict[str, Any]:
         """Return a JSON-able dictionary."""

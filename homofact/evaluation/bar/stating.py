@@ -54,7 +54,9 @@ def stated_bars(figures: "Figures", odds: Mapping[str, float], constants: Table,
     for k in inside:
         bound = _bound(constants.angles[models][k], features_of(figures, odds, "albedo", k), "albedo")
         at = ALBEDO_DEGREES[k]
-        by_angle.append(ErrorBar.stated("albedo", kind, min(bound, bounds["albedo"]), RATE, (at, at), doubt))
+        unmeasured = 0.0 if figures.reading is None else figures.reading.unmeasured[k]
+        least = min(bound, bounds["albedo"])
+        by_angle.append(ErrorBar.stated("albedo", kind, least, RATE, (at, at), doubt, unmeasured))
     return ErrorBars(bars, tuple(by_angle))
 
 
