@@ -221,10 +221,12 @@ def plan(
         steps.warm_up()
         options = FitOptions(**vars(settings), seed=asked.seed)
         fits: dict[str, Any] = {}
-        clock = PlanClock(steps.expect)
+        again = 0 if other_lighting is None else len({material.key for material in asked.materials})
+        clock = PlanClock(steps.expect, following=again)
         found = with_larger_measured(plan_scene(asked, options, fits, clock, larger=True), clock.larger)
         other = None
         if other_lighting is not None:
+            clock.following = 0
             other = plan_scene(replace(asked, lightings=(other_lighting,)), options, fits, clock)
         verdicts = _verdicts(found, steps)
         missed = refusal.strict and bool(found.warnings)

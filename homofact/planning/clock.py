@@ -1,8 +1,9 @@
 """Where a plan is, and about how long the rest of it takes: told before every fit.
 
-A plan does not know how many fits it will make. The clock expects `USUAL` per material that has not begun, two for the
-larger step, and of a material without a fit that meets its tolerance as many as the search may still make. Its seconds
-come from the model of `evaluation.estimate`, corrected by what the fits so far have taken.
+A plan does not know how many fits it will make. The clock expects `USUAL` per material that has not begun, also of the
+plan under another lighting that follows, `LARGER` for the larger step, and of a material without a fit that meets its
+tolerance as many as the search may still make. Its seconds come from the model of `evaluation.estimate`, corrected by
+what the fits so far have taken. The verdicts on the choices are added.
 """
 
 import time
@@ -10,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from statistics import fmean
 
-from homofact.evaluation.estimate import fit_seconds, training_count
+from homofact.evaluation.estimate import fit_seconds, training_count, verdict_seconds
 from homofact.evaluation.wording import counted
 from homofact.planning.ladder import Candidate, method_of
 from homofact.planning.material_fits import MaterialFits
@@ -28,6 +29,7 @@ class PlanClock:
     tell: Callable[[str, float, float], object]
     materials: int = 0
     words: str = ""
+    following: int = 0
     _begun: float = field(default_factory=time.monotonic)
     _fits: MaterialFits | None = None
     _usual: float = _UNREAD
@@ -36,10 +38,16 @@ class PlanClock:
     _spent: float = 0.0
     _made: int = 0
     _steps: int = 0
+    _judged: int = 0
+    _verdict: float = 0.0
 
     def expect(self, materials: int, steps: int) -> None:
-        """So many materials are still to be planned, and so many larger steps to be fitted after them."""
+        """So many materials are still to be planned, and so many larger steps to be fitted after them.
+
+        `following` is the number of materials of a plan that begins after this one.
+        """
         self.materials, self._steps = materials, steps
+        self._judged = self._judged or materials
 
     def material(self, fits: MaterialFits, words: str) -> None:
         """Begin the material of `fits`, which has been read."""
@@ -48,6 +56,7 @@ class PlanClock:
         self._fits, self._made, self.words = fits, 0, words
         textured = [rung for rung in fits.rungs if not rung.is_colour and rung == rung.fit]
         self._usual = fmean(self._seconds(rung) for rung in textured)
+        self._verdict = verdict_seconds(len(fits.source.samples))
         self._say(words, USUAL)
 
     def asking(self, candidate: Candidate, most: int | None) -> None:
@@ -93,5 +102,6 @@ class PlanClock:
     def _say(self, words: str, further: float) -> None:
         factor = (self._spent + _UNREAD) / (self._modelled + _UNREAD)
         now = self._asked[0] if self._asked is not None else 0.0
-        others = self.materials * USUAL + self._steps * LARGER
-        self.tell(words, time.monotonic() - self._begun, factor * (now + (further + others) * self._usual))
+        others = (self.materials + self.following) * USUAL + self._steps * LARGER
+        fitting = factor * (now + (further + others) * self._usual)
+        self.tell(words, time.monotonic() - self._begun, fitting + self._judged * self._verdict)

@@ -249,7 +249,8 @@ def plan_scene(
         if material.key in plans:
             continue
         clock.stage(f"reading {material.name or material.source}")
-        clock.material(fits, f"planning {material.name or fits.source.name} {under}")
+        place = f" ({len(plans) + 1} of {len(distinct_keys)})" if len(distinct_keys) > 1 else ""
+        clock.material(fits, f"planning {material.name or fits.source.name}{place} {under}")
         plans[material.key] = plan_material(material, fits, stages, scene.tolerance, scene.budget, clock.asking)
     distinct = tuple(plans.values())
     limit = scene.budget.bytes

@@ -27,6 +27,7 @@ def now(monkeypatch: pytest.MonkeyPatch) -> list[float]:
     time = [0.0]
     monkeypatch.setattr(module, "time", SimpleNamespace(monotonic=lambda: time[0]))
     monkeypatch.setattr(module, "fit_seconds", lambda *_: 2.0)
+    monkeypatch.setattr(module, "verdict_seconds", lambda _: 0.0)
     return time
 
 
@@ -42,6 +43,28 @@ def test_a_time_is_expected_before_the_first_fit(now: list[float]) -> None:
     assert said[-1] == ("reading own", 0.0, (3 * USUAL + 3 * LARGER) * module._UNREAD)
     found.material(fits_of(PAINT), "planning own")
     assert said[-1] == ("planning own", 0.0, (USUAL + 2 * USUAL + 3 * LARGER) * 2.0)
+
+
+def test_the_time_is_of_the_whole_plan(now: list[float], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Materials that follow, those of the plan under another lighting, larger steps and verdicts all count."""
+    monkeypatch.setattr(module, "verdict_seconds", lambda _: 0.5)
+    found, said = clock(now)
+    found.following = 3
+    found.expect(3, 3)
+    found.material(fits_of(PAINT), "planning own")
+    whole = (USUAL + 2 * USUAL + 3 * USUAL + 3 * LARGER) * 2.0 + 3 * 0.5
+    assert said[-1][2] == whole
+    found.asking(FIRST, None)
+    assert said[-1][2] == whole
+    found.material(fits_of(PAINT), "planning second")
+    assert said[-1][2] < whole
+    found.larger("fitting one step larger for own")
+    assert said[-1][2] >= (LARGER + 2 * LARGER + 3 * USUAL) * module._UNREAD / 4 + 3 * 0.5
+    # The plan under the other lighting begins.
+    found.following = 0
+    found.expect(3, 0)
+    found.stage("looking for one size for all")
+    assert said[-1][2] > 3 * 0.5
 
 
 @pytest.mark.parametrize(("larger", "steps"), [(True, 2), (False, 0)])
