@@ -56,6 +56,8 @@ def fit_facts(place: Path) -> tuple[str, dict[str, Any], dict[str, Any]] | None:
         facts["bars"] = bars.record()
         for bar in bars.by_angle:
             stated = f"unknown: {bar.reason}" if bar.error is None else f"{bar.between()} times that of the fit"
+            if bar.direction:
+                stated += f"; the fit is {bar.direction}"
             if bar.rests_on_extrapolation:
                 stated += f"; {bar.unmeasured:.0%} of it leaves in directions without measurements"
             rows[f"total reflected light at {bar.degrees[0]:.0f}°"] = stated

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 import torch
-from judged import MODEL, TRAIN, Altered, measured, noisy, verdict
+from judged import MODEL, TRAIN, Altered, measured, noisy, seen, verdict
 from refusals import refused
 from torch import Tensor
 
@@ -103,6 +103,23 @@ def test_the_worst_angle_is_no_surer_than_each(scale: float) -> None:
     worst = found.of("albedo").error
     assert worst is not None
     assert all(bar.error is not None and bar.error <= worst for bar in found.by_angle)
+
+
+@pytest.mark.parametrize(("ratio", "direction"), [(0.5, "too dark"), (1.3, "too bright"), (0.995, "")])
+def test_a_measured_error_of_light_has_a_direction(ratio: float, direction: str) -> None:
+    found = verdict(seen=seen(albedo=ratio, highlight=1 / ratio))
+    words = f", {direction}" if direction else ""
+    assert f"total reflected light within {percent(max(ratio, 1 / ratio) - 1)} (0–75°{words})" in found.summary
+    opposite = {"too dark": " (too bright)", "too bright": " (too dark)", "": ""}[direction]
+    assert f"highlight within {percent(max(ratio, 1 / ratio) - 1)}{opposite}" in found.summary
+    (bar,) = found.bars.by_angle
+    assert (bar.ratio, bar.direction) == (pytest.approx(ratio), direction)
+    again = ErrorBars.of_record(found.bars.record())
+    assert again == found.bars
+    if direction:
+        assert f"total reflected light is {direction} by" in found.cause
+    # An estimate has none.
+    assert not any(bar.direction for bar in verdict(train=MANY).bars.bars)
 
 
 class Plastic(Altered):

@@ -24,6 +24,7 @@ WORDS = {
 }
 _EDGE = 75.0  # θ in degrees up to which albedos are stated
 _WORTH_SAYING = 0.05  # of the light at an angle: from here on it is said that it leaves where nothing was measured
+_WORTH_A_DIRECTION = 0.01  # an error from here on is said to be too dark or too bright, where that was measured
 GOOD = 0.15  # an albedo that is off by more makes a fit a bad one
 
 
@@ -50,6 +51,7 @@ class ErrorBar:
     degrees : the range of θ in degrees for which it holds.
     reason : why it is withdrawn or wide, as a clause that "so the limits are wider" can follow; "" otherwise.
     unmeasured : of the albedo at one angle, the share of the fit's light in directions without measurements.
+    ratio : the fit's light over the source's where the error was measured; None for an estimate and for pictures.
     """
 
     quantity: str
@@ -59,6 +61,7 @@ class ErrorBar:
     degrees: tuple[float, float]
     reason: str = ""
     unmeasured: float = 0.0
+    ratio: float | None = None
 
     @classmethod
     def stated(
@@ -83,6 +86,13 @@ class ErrorBar:
         return self.error is not None and self.unmeasured > max(self.error, _WORTH_SAYING)
 
     @property
+    def direction(self) -> str:
+        """Return "too dark" or "too bright" of a measured error; "" where that is not known or next to nothing."""
+        if self.ratio is None or self.error is None or self.error < _WORTH_A_DIRECTION:
+            return ""
+        return "too dark" if self.ratio < 1 else "too bright"
+
+    @property
     def low(self) -> float | None:
         """The least that the source may have, over what the fit has."""
         return None if self.error is None else 1 / (1 + self.error)
@@ -93,11 +103,15 @@ class ErrorBar:
         return None if self.error is None else 1 + self.error
 
     def words(self) -> str:
-        """As in "highlight within 9%"; of a withdrawn one "highlight unknown"."""
+        """As in "highlight within 9%, too dark"; of a withdrawn one "highlight unknown".
+
+        The albedo has its range of angles: "total reflected light within 9% (0–75°, too dark)".
+        """
         name = WORDS[self.quantity]
-        if self.error is None:
-            return f"{name} unknown"
-        return f"{name} within {percent(self.error)}"
+        within = "unknown" if self.error is None else f"within {percent(self.error)}"
+        angles = "{:.0f}–{:.0f}°".format(*self.degrees) if self.quantity == "albedo" else ""
+        about = ", ".join(filter(None, (angles, self.direction)))
+        return f"{name} {within}" + (f" ({about})" if about else "")
 
     def between(self) -> str:
         """Return what the source has over what the fit has: "0.95 to 1.05"; of a withdrawn one "unknown"."""
@@ -115,13 +129,14 @@ class ErrorBar:
             "degrees": list(self.degrees),
             "reason": self.reason,
             "unmeasured": self.unmeasured,
+            "ratio": self.ratio,
         }
 
     @classmethod
     def of(cls, record: Mapping[str, Any]) -> "ErrorBar":
         """Return the bar of a record. Raises KeyError, TypeError or ValueError for what is none."""
         low, high = map(float, record["degrees"])
-        error = record["error"]
+        error, ratio = record["error"], record.get("ratio")
         return cls(
             str(record["quantity"]),
             BarKind(record["kind"]),
@@ -130,6 +145,7 @@ class ErrorBar:
             (low, high),
             str(record["reason"]),
             float(record.get("unmeasured", 0.0)),
+            None if ratio is None else float(ratio),
         )
 
 
@@ -190,9 +206,7 @@ class ErrorBars:
         if not stated:
             return f"no error can be promised: {albedo.reason}"
         low, high = albedo.degrees
-        said = ", ".join(
-            bar.words() + (f" ({low:.0f}–{high:.0f}°)" if bar.quantity == "albedo" else "") for bar in self.bars
-        )
+        said = ", ".join(bar.words() for bar in self.bars)
         if self.kind is BarKind.MEASURED:
             return f"measured everywhere: {said}"
         beyond = f"; measured {low:.0f}–{high:.0f}°, beyond is extrapolation" if high < _EDGE else ""
@@ -269,8 +283,10 @@ def _range(run: list[ErrorBar]) -> str:
 
 
 def _within(run: list[ErrorBar]) -> str:
-    errors = [bar.error for bar in run if bar.error is not None]
-    return f" (within {percent(max(errors))})" if errors else ""
+    worst = max((bar for bar in run if bar.error is not None), key=lambda bar: bar.error or 0.0, default=None)
+    if worst is None or worst.error is None:
+        return ""
+    return f" (within {percent(worst.error)}{f', {worst.direction}' * bool(worst.direction)})"
 
 
 def percent(error: float) -> str:

@@ -21,21 +21,18 @@ _HUGE = 1e6
 def measured_bars(seen: Appearance) -> ErrorBars:
     """Return the measured errors of a fit against a source that was evaluated everywhere."""
     whole = (0.0, _HIGHEST)
-    rows = [max(_error(ratio) for ratio in row) for row in seen.energy.albedo_ratio]
-    errors = {
-        "albedo": max(rows),
-        "highlight": _error(seen.energy.highlight),
-        "sky": seen.off_sky,
-        "lamp": seen.off_light,
-    }
-    bars = tuple(
-        ErrorBar(name, BarKind.MEASURED, error, 1.0, whole) for name, error in errors.items() if not math.isnan(error)
-    )
+    ratios = [max(row, key=_error) for row in seen.energy.albedo_ratio]
+    light = {"albedo": max(ratios, key=_error), "highlight": seen.energy.highlight}
+    bars = [_measured(name, ratio, whole) for name, ratio in light.items()]
+    pictures = {"sky": seen.off_sky, "lamp": seen.off_light}
+    bars += [
+        ErrorBar(name, BarKind.MEASURED, error, 1.0, whole) for name, error in pictures.items() if not math.isnan(error)
+    ]
     by_angle = tuple(
-        ErrorBar("albedo", BarKind.MEASURED, error, 1.0, (degrees, degrees))
-        for degrees, error in zip(seen.energy.degrees, rows, strict=True)
+        _measured("albedo", ratio, (degrees, degrees))
+        for degrees, ratio in zip(seen.energy.degrees, ratios, strict=True)
     )
-    return ErrorBars(bars, by_angle)
+    return ErrorBars(tuple(bars), by_angle)
 
 
 def stated_bars(figures: "Figures", odds: Mapping[str, float], constants: Table, doubt: str) -> ErrorBars:
@@ -77,6 +74,13 @@ def _bound(model: BarModel, features: Mapping[str, float], quantity: str) -> flo
     """The bound as a share: of light that of a logarithm, of a picture itself."""
     bound = model.bound(features)
     return bound if quantity == "sky" else math.expm1(min(bound, math.log(_HUGE)))
+
+
+def _measured(quantity: str, ratio: float, degrees: tuple[float, float]) -> ErrorBar:
+    """The bar of light whose ratio to the source's was measured."""
+    return ErrorBar(
+        quantity, BarKind.MEASURED, _error(ratio), 1.0, degrees, ratio=ratio if math.isfinite(ratio) else None
+    )
 
 
 def _error(ratio: float) -> float:

@@ -71,12 +71,12 @@ def measured_alarm(seen: Appearance) -> Alarm:
     ratio = seen.energy.albedo_worst
     off = abs(math.log(ratio)) if ratio > 0 and math.isfinite(ratio) else math.inf
     sky, lamp = (0.0 if math.isnan(each) else each for each in (seen.off_sky, seen.off_light))
-    parts = (("total reflected light", math.expm1(off), OFF), ("a sky", sky, OFF_SKY), ("a lamp", lamp, OFF_LAMP))
-    why = [
-        f"{'' if name.startswith('total') else 'a sphere under '}{name} is off by {percent(error)}, over {most:.0%}"
-        for name, error, most in parts
-        if error > most
-    ]
+    parts = (
+        (f"total reflected light is too {'dark' if ratio < 1 else 'bright'}", math.expm1(off), OFF),
+        ("a sphere under a sky is off", sky, OFF_SKY),
+        ("a sphere under a lamp is off", lamp, OFF_LAMP),
+    )
+    why = [f"{name} by {percent(error)}, over {most:.0%}" for name, error, most in parts if error > most]
     return Alarm(0.0 if is_good(off, sky, lamp) else 1.0, 0.5, "; ".join(why))
 
 
