@@ -87,11 +87,10 @@ def chart_grades(records: Sequence[Mapping[str, Any]]) -> list[Table]:
     from homofact.evaluation.chart_ledger import run_name, series_name
 
     graded = [each for each in records if (each["appearance"] or {}).get("opinion") is not None]
-    several = len({each["search"] for each in graded if each["search"]}) > 1
     scores = {
-        run_name(series_name(each["label"], each["search"] if several else ""), each["textures"], each["size"]): each[
-            "appearance"
-        ]["opinion"]
+        run_name(series_name(each["label"], each["search"]), each["textures"], each["size"]): each["appearance"][
+            "opinion"
+        ]
         for each in graded
     }
     table = grade_table(scores)
@@ -208,6 +207,8 @@ def chart_table(title: str, records: Sequence[Mapping[str, Any]], base: float | 
 
     A record of several seeds has its means and the standard deviation of the error.
     """
+    from homofact.evaluation.chart_ledger import series_name
+
     table = plain_table(title)
     add_names(table)
     spread = any("spread" in record for record in records)
@@ -215,12 +216,11 @@ def chart_table(title: str, records: Sequence[Mapping[str, Any]], base: float | 
         table, *("textures", "error", *(("± seeds",) if spread else ()), "of McCool", "bytes", "fetches", "fit s")
     )
     table.add_column("ended", no_wrap=True)
-    several = len({record["search"] for record in records if record["search"]}) > 1
     for record in records:
         held = record["error"]["held_out"]["log_mse"]
         luck = _deviation(record["spread"]["error"]["held_out"]["log_mse"]) if "spread" in record else ""
         table.add_row(
-            Text(f"{record['label']} {record['search'] if several else ''}".strip()),
+            Text(series_name(record["label"], record["search"])),
             f"{record['textures']} × {record['size']}²" if record["size"] else "–",
             Text(figure(held), "bold"),
             *((luck,) if spread else ()),

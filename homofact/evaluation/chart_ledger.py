@@ -21,12 +21,19 @@ from homofact.evaluation.metrics import SixErrors
 from homofact.files.atomic import write_text
 from homofact.files.reading import read_bytes
 from homofact.files.tables import csv_rows, csv_text
+from homofact.methods.search import Search
 from homofact.version import __version__
 
 
 def series_name(label: str, search: str) -> str:
-    """Return the name of a series: "cole", "search (gradient)"."""
-    return f"{label} ({search})" if search else label
+    """Return the name of a series: the method, and how it refines projections if that is not the default.
+
+    Examples
+    --------
+    >>> series_name("search", "gradient"), series_name("search", "powell"), series_name("ggx", "")
+    ('search', 'search (powell)', 'ggx')
+    """
+    return label if search in ("", Search.search) else f"{label} ({search})"
 
 
 def run_name(series: str, textures: int, size: int) -> str:

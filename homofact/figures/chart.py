@@ -29,7 +29,7 @@ from homofact.files.atomic import write_bytes
 _KNOWN: dict[str, Look] = {
     "mccool": ("#555555", "s", 8.0),
     "cole": ("#b35900", "^", 7.5),
-    "search (gradient)": ("#0059a8", "o", 7.5),
+    "search": ("#0059a8", "o", 7.5),
 }
 _MORE: tuple[Look, ...] = (
     ("#00785a", "D", 4.5),

@@ -5,7 +5,8 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from homofact.cli.tables import chart_grades, cost_table
+from homofact.cli.tables import chart_grades, chart_table, cost_table
+from homofact.evaluation.chart_ledger import series_name
 
 
 def record(shapes: list[tuple[int, int]], status: str) -> dict[str, Any]:
@@ -46,13 +47,23 @@ def point(label: str, search: str, textures: int, size: int, opinion: float | No
     ("searches", "names"),
     [
         (("gradient", "gradient"), ["ggx", "cole, 2 × 16²", "cole, 3 × 16²"]),
-        (("gradient", "nlopt"), ["ggx", "cole (gradient), 2 × 16²", "cole (nlopt), 3 × 16²"]),
+        (("gradient", "nlopt"), ["ggx", "cole, 2 × 16²", "cole (nlopt), 3 × 16²"]),
     ],
 )
 def test_grades_name_textures_only_of_fits_that_have_them(searches: tuple[str, str], names: list[str]) -> None:
     fits = [point("cole", search, count, 16) for count, search in zip((2, 3), searches, strict=True)]
     (table,) = chart_grades([point("ggx", "", 0, 0), *fits])
     assert [str(cell) for cell in table.columns[0].cells] == names
+
+
+def test_a_chart_names_a_search_alike_in_table_series_and_grades() -> None:
+    searches = ("gradient", "powell")
+    run: dict[str, Any] = {"error": {"held_out": {"log_mse": 0.1}}, "bytes": 3072, "fetches": 1}
+    records = [point("search", each, 1, 16) | run | {"seconds": {"fit": 1}, "status": "converged"} for each in searches]
+    shown = [str(cell) for cell in chart_table("", records, None).columns[0].cells]
+    assert shown == [series_name("search", each) for each in searches] == ["search", "search (powell)"]
+    (grades,) = chart_grades(records)
+    assert [str(cell) for cell in grades.columns[0].cells] == ["search, 1 × 16²", "search (powell), 1 × 16²"]
 
 
 def test_points_without_a_grade_make_no_table() -> None:

@@ -90,7 +90,7 @@ def test_a_plan_multiplies_out_what_a_method_reads() -> None:
     found = {label: [run for run in runs if run.label == label] for label in ("mccool", "cole", "search")}
     assert {label: len(each) for label, each in found.items()} == {"mccool": 2, "cole": 6, "search": 12}
     assert {run.textures for run in found["mccool"]} == {2}
-    assert {run.series for run in runs} == {"mccool", "cole", "search (gradient)", "search (nlopt-PRAXIS)"}
+    assert {run.series for run in runs} == {"mccool", "cole", "search", "search (nlopt-PRAXIS)"}
     assert len(set(runs)) == len(runs)
 
 
@@ -317,7 +317,7 @@ def test_bytes_that_are_no_text_are_refused(tmp_path: Path) -> None:
 
 def test_a_fit_that_is_refused_says_which(tmp_path: Path) -> None:
     few = open_source("material:blinn-phong-50", count=6)
-    with pytest.raises(BadInput, match=r"^search \(gradient\), 1 × 4²: samples: found 5"):
+    with pytest.raises(BadInput, match=r"^search, 1 × 4²: samples: found 5"):
         run_chart(few, plan(methods("search"), (1,), (4,), ("gradient",)), ChartLedger(tmp_path / "a.csv"))
     assert list(tmp_path.iterdir()) == []
 
