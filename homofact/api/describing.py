@@ -1,4 +1,4 @@
-"""Describing: what is in a file, a result's or a scene's folder, what a source is, or which command reads a TOML."""
+"""Describing: what is in a file or a folder of homofact's, what a source is, or which command reads a TOML."""
 
 import os
 from dataclasses import dataclass
@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from homofact.api.fit_facts import fit_facts
 from homofact.api.places import check_file
+from homofact.api.plan_facts import plan_facts
 from homofact.api.progress import Progress, ProgressSteps
 from homofact.api.scene_facts import scene_facts
 from homofact.api.subjects import Place, given_source, open_given
@@ -34,8 +35,8 @@ class InfoResult:
     name : str
         Its name.
     kind : str
-        "material", "measurement" or "drawn"; "fit"; "relit scene" or "prepared scene"; of a TOML file "a sweep", "a
-        configuration", or "a scene for planning", "relighting" or "editing".
+        "material", "measurement" or "drawn"; "fit"; "plan", "relit scene" or "prepared scene"; of a TOML file "a
+        sweep", "a configuration", or "a scene for planning", "relighting" or "editing".
     facts : dict
         The JSON form.
     rows : dict
@@ -67,8 +68,8 @@ def info(source: Any, *, plot: Place | None = None, seed: int = 0, progress: Pro
     Parameters
     ----------
     source : source or path
-        As for `fit`; a saved fit or the folder of its result or export, shown with error bars by angle; or the folder
-        of a scene that `relight` or `edit` wrote; or a configuration, sweep or scene in TOML, of which it names the
+        As for `fit`; a saved fit or the folder of its result or export, shown with error bars by angle; or a folder
+        that `plan`, `relight` or `edit` wrote; or a configuration, sweep or scene in TOML, of which it names the
         command that reads it.
     plot : path, optional
         A .png to draw: a slice, lobes and a lit sphere.
@@ -94,8 +95,10 @@ def info(source: Any, *, plot: Place | None = None, seed: int = 0, progress: Pro
     ('material', ['R', 'G', 'B'])
     """
     place = source.path if isinstance(source, SourceSettings) else source
-    made = isinstance(place, str | os.PathLike)
-    found = (scene_facts(Path(place)) or toml_facts(Path(place)) or fit_facts(Path(place))) if made else None
+    found = None
+    if isinstance(place, str | os.PathLike):
+        readers = (scene_facts, plan_facts, toml_facts, fit_facts)
+        found = next((each for each in (read(Path(place)) for read in readers) if each is not None), None)
     if found is not None:
         title, rows, facts = found
         if plot is not None:

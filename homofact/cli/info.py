@@ -1,4 +1,4 @@
-"""`homofact info`: what is in a file, a result or a scene's folder, or what a named material is."""
+"""`homofact info`: what is in a file, the folder of a result, plan or scene, or what a named material is."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -43,13 +43,15 @@ def info(
     as_json: o.AsJson = False,
     quiet: o.Quiet = False,
 ) -> None:
-    """Describe measurements' files, named materials, or the folders of fits or scenes.
+    """Describe measurements' files, named materials, or the folders of fits, plans or scenes.
 
     Without SOURCE it lists the named materials: material:NAME is a SOURCE.
     Several SOURCEs are described one after another.
     For a result's folder (homofact factorize) it prints the fit and its
-    error bars at each angle. For the folder of a scene (homofact relight,
-    homofact edit) it prints the contents and their errors. For a TOML file
+    error bars at each angle. For the folder of a plan (homofact plan) it
+    prints what was chosen for each material, its bytes and errors. For the
+    folder of a scene (homofact relight, homofact edit) it prints the
+    contents and their errors. For a TOML file
     (a configuration, a sweep, a scene) it names the command that reads it.
     """
     screen = Screen(as_json, quiet)

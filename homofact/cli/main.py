@@ -35,7 +35,7 @@ COMMANDS = (
     (_BEGIN, "view", "Write a page that shows a result in a browser, with movable light and camera."),
     (_BEGIN, "export", "Write textures and the shaders that read them: GLSL, HLSL, WGSL, C."),
     (_BEGIN, "compare", "Fit several methods to the same samples and print their errors and costs."),
-    (_BEGIN, "info", "Describe measurements' files, named materials, or the folders of fits or scenes."),
+    (_BEGIN, "info", "Describe measurements' files, named materials, or the folders of fits, plans or scenes."),
     (_DATA, "measure", "Choose the directions that a goniometer should measure next."),
     (_DATA, "convert", "Convert a measurement, a named material or a fit to the format of OUT's ending."),
     (_DATA, "render", "Draw a sphere of a result or a source under a directional light or an environment map."),

@@ -173,3 +173,57 @@ def test_the_name_of_a_mesh_keeps_its_underscores(tmp_path: Path, capsys: pytest
     said = capsys.readouterr().out
     assert "object teapot_wdas.obj" in said
     assert "object left_handle" in said
+
+
+CHOICE = {"method": "search", "textures": 2, "size": 4, "storage": "png8", "bytes": 96, "fetches": 3}
+PAINT: dict[str, Any] = {
+    "source": "paint.brdf", "name": "paint", "pixels": None, "choice": CHOICE, "met": True, "error": 0.698,
+    "error_kind": "delta_e", "error_lighting": "studio", "of_tolerance": 0.803, "folder": "1-paint",
+    "verdict": {"summary": "trusted; measured everywhere: highlight within 11%"},
+}  # fmt: skip
+SMALL: dict[str, Any] = {
+    **PAINT, "name": "gold", "source": "gold.brdf", "pixels": 40, "met": False, "of_tolerance": 12.0, "error": 9.0,
+    "choice": {**CHOICE, "method": "constant", "textures": 0, "size": 0, "bytes": 12, "fetches": 0},
+    "verdict": None, "folder": "2-gold",
+}  # fmt: skip
+PLANNED: dict[str, Any] = {
+    "scene": "shop", "tolerance": {"delta_e": 1.0}, "lightings": [{"name": "studio"}], "bytes": 108,
+    "fetches_per_pixel": 1.5,
+    "materials": [PAINT, SMALL, PAINT, {**PAINT, "name": "none", "source": "no", "choice": None}],
+    "warnings": ["gold: no representation was found"],
+}  # fmt: skip
+
+
+def test_a_plan_s_folder_is_described(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "plan.json").write_text(json.dumps(PLANNED))
+    assert main(["info", str(tmp_path), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == {"folder": str(tmp_path), "kind": "plan", **PLANNED}
+    for place in (tmp_path, tmp_path / "plan.json"):
+        assert main(["info", str(place)]) == 0
+        said = " ".join(capsys.readouterr().out.split())
+        for words in (
+            "shop", "mean ΔE at most 1", "studio", "for 2 of 3 materials", "bytes 108", "1.5 per pixel",
+            "2 textures of 4², 8 bits (search); 96 bytes, 3 fetches; mean ΔE 0.698 under studio, 80% of the limit; in"
+            " 1-paint", "material gold, 40 pixels", "closest: one colour; 12 bytes, 0 fetches;", "12 × of the limit",
+            "no representation fits the budget", "trusted; measured everywhere", "gold: no representation was found",
+        ):  # fmt: skip
+            assert words in said
+        assert said.count("material paint") == 1
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("{", "plan.json: not JSON ("),
+        (json.dumps({**PLANNED, "materials": [{"name": "x"}]}), "plan.json: damaged (KeyError('source'))"),
+        (json.dumps({**PLANNED, "tolerance": {"loudness": 1}}), "loudness"),
+    ],
+)
+def test_a_damaged_plan_is_one_line(
+    text: str, expected: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "plan.json").write_text(text)
+    assert main(["info", str(tmp_path)]) == 2
+    error = capsys.readouterr().err
+    assert expected in error
+    assert error.count("\n") == 1

@@ -1,0 +1,68 @@
+"""What is in the folder of a plan: the choice for each material, its bytes, its errors and its verdict."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from homofact.errors import BadInput
+from homofact.evaluation.wording import counted, figure, listed, part_of_limit
+from homofact.files.kinds import PLAN
+
+
+def plan_facts(place: Path) -> tuple[str, dict[str, Any], dict[str, Any]] | None:
+    """Return (title, rows for people, the answer) of a plan's folder or its plan.json; None of anything else.
+
+    Raises BadInput where plan.json is damaged.
+    """
+    if not PLAN.is_at(place):
+        return None
+
+    from homofact.files.fields import Fields
+
+    file = place / PLAN.mark if place.is_dir() else place
+    found = Fields.read(file, "a plan").found
+    try:
+        return str(found["scene"]), _rows(found), {"folder": str(file.parent), "kind": PLAN.what, **found}
+    except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
+        raise BadInput(f"damaged ({error!r})", where=file, expected="a plan that `plan` wrote") from error
+
+
+def _rows(found: Mapping[str, Any]) -> dict[str, Any]:
+    from homofact.planning.tolerance import Tolerance
+
+    distinct = {(each["source"], each["pixels"]): each for each in found["materials"]}.values()
+    names = [
+        each["name"] if each["pixels"] is None else f"{each['name']}, {each['pixels']} pixels" for each in distinct
+    ]
+    met = sum(bool(each["met"]) for each in distinct)
+    rows: dict[str, Any] = {
+        "kind": PLAN.what,
+        "tolerance": Tolerance.of(**found["tolerance"]).describe(),
+        "lighting": listed([each["name"] for each in found["lightings"]]),
+        "met": f"for {met} of {counted(len(names), 'material')}",
+        "bytes": found["bytes"],
+        "fetches": f"{found['fetches_per_pixel']:.2g} per pixel",
+    }
+    for name, each in zip(names, distinct, strict=True):
+        rows[f"material {name}"] = _choice(each)
+    for name, each in zip(names, distinct, strict=True):
+        if each["verdict"] is not None:
+            rows[f"verdict on {name}"] = each["verdict"]["summary"]
+    return rows | {"missed": list(found["warnings"])}
+
+
+def _choice(each: Mapping[str, Any]) -> str:
+    """What was chosen for a material, what it costs, and the error that uses most of its limit."""
+    from homofact.planning.ladder import Candidate
+    from homofact.planning.tolerance import WORDS
+
+    choice = each["choice"]
+    if choice is None:
+        return "no representation fits the budget"
+    candidate = Candidate(choice["method"], choice["textures"], choice["size"], choice["storage"])
+    size = f"{counted(choice['bytes'], 'byte')}, {counted(choice['fetches'], 'fetch')}"
+    used = "more than can be measured" if each["of_tolerance"] is None else part_of_limit(each["of_tolerance"])
+    under = f" under {each['error_lighting']}" if each["error_lighting"] else ""
+    error = f"{WORDS[each['error_kind']]} {figure(each['error'])}{under}, {used} of the limit"
+    where = f"; in {each['folder']}" if each.get("folder") else ""
+    return f"{'' if each['met'] else 'closest: '}{candidate.words}; {size}; {error}{where}"
