@@ -1,6 +1,6 @@
 """`homofact plan`: no more than a scene needs, by its lighting and a tolerance."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,13 +13,14 @@ from homofact.cli.plan_relight import choice_table as transport_table
 from homofact.cli.plan_tables import choice_table, evidence_table, fetches_in_words, step_table
 from homofact.cli.screen import Screen
 from homofact.cli.verdicts import brief_lines, names_of, noted, strictness
-from homofact.evaluation.wording import part_of_limit
+from homofact.evaluation.wording import listed, part_of_limit
 from homofact.planning.settings import PlanSettings
 from homofact.planning.tolerance import MARGINS, WORDS
 from homofact.settings.options import options_of
 
 if TYPE_CHECKING:
     from homofact.api.planning import PlanResult, TransportPlan
+    from homofact.evaluation.opinion import Opinion
     from homofact.evaluation.verdict.verdict import Verdict
     from homofact.planning.plan import MaterialPlan, ScenePlan
 
@@ -178,6 +179,24 @@ def _reading_lines(found: "ScenePlan") -> list[str]:
     return [f"of limit: the part of your tolerance that the worst error uses{margin}; up to 100% it is met.{expected}"]
 
 
+def grade_lines(opinions: "Sequence[tuple[str, Opinion | None]]") -> list[str]:
+    """Return the grade that people would give each choice, in a line, and which choices have none, in another."""
+    graded = [(name, each) for name, each in opinions if each is not None]
+    lines = []
+    if graded:
+        grades = ", ".join(f"{name} {each.score:.1f} ({each.low:.1f} to {each.high:.1f})" for name, each in graded)
+        best = f"{graded[0][1].best:.1f}"
+        lines.append(f"Grades that people are expected to give, 1 to 5, identical pictures {best}: {grades}.")
+    without = [name for name, each in opinions if each is None]
+    if without:
+        whose = "its" if len(without) == 1 else "their"
+        lines.append(
+            f"Not graded: {listed(without)}, known only at {whose} samples. A grade compares pictures of the fit and of"
+            " its source."
+        )
+    return lines
+
+
 def _lines(found: "ScenePlan", other: "ScenePlan | None") -> list[str]:
     lines = [
         "order: spherical-harmonic order at which the lobe can be cut off under this lighting; terms: number of terms"
@@ -190,11 +209,7 @@ def _lines(found: "ScenePlan", other: "ScenePlan | None") -> list[str]:
                 f"{each.name} at {each.material.pixels} pixels: its highlight covers"
                 f" {each.highlight_pixels:.2g} pixels."
             )
-    graded = [(each.name, each.opinion) for each in found.distinct if each.opinion is not None]
-    if graded:
-        grades = ", ".join(f"{name} {each.score:.1f} ({each.low:.1f} to {each.high:.1f})" for name, each in graded)
-        best = f"{graded[0][1].best:.1f}"
-        lines.append(f"Grades that people are expected to give, 1 to 5, identical pictures {best}: {grades}.")
+    lines += grade_lines([(each.name, each.opinion) for each in found.distinct if each.errors])
     if "cole" in found.scene.tolerance.kinds and not found.scene.tolerance.of_light:
         lines.append(
             "The Cole error weighs all pairs of directions equally, so the lighting does not change this plan."

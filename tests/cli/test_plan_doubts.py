@@ -3,7 +3,8 @@
 from types import SimpleNamespace
 from typing import Any
 
-from homofact.cli.plan import doubt_lines
+from homofact.cli.plan import doubt_lines, grade_lines
+from homofact.evaluation.opinion import opinion_table
 
 
 def verdict(trusted: bool) -> Any:
@@ -28,3 +29,16 @@ def test_a_choice_that_misses_the_tolerance_is_not_called_ready_to_ship() -> Non
     assert "ship" not in closest
     (only,) = doubt_lines({"gold": verdict(False)}, ["gold"])
     assert only == closest
+
+
+def test_grades_name_what_could_not_be_graded() -> None:
+    good = opinion_table().law.opinion(0.5)
+    assert grade_lines([]) == []
+    (only,) = grade_lines([("paint", good)])
+    assert only.startswith("Grades that people are expected to give, 1 to 5, identical pictures ")
+    assert "paint" in only
+    grades, without = grade_lines([("gonio", None), ("paint", good), ("flake", None)])
+    assert grades == only
+    assert without.startswith("Not graded: gonio and flake, known only at their samples.")
+    (alone,) = grade_lines([("gonio", None)])
+    assert alone.startswith("Not graded: gonio, known only at its samples.")
