@@ -86,7 +86,9 @@ class ProgressSteps:
         """Say where a fit is."""
         done = at.term - 1 + (at.restart - 1) / max(at.restarts, 1)
         best = f" best {at.best:.4g}" if math.isfinite(at.best) else ""
-        words = f"{self._stage}: term {at.term}/{at.terms}, restart {at.restart}/{at.restarts}"
+        # A search of mixes has no restarts: only Cole's begins each term several times.
+        again = f", restart {at.restart}/{at.restarts}" if at.restarts > 1 else ""
+        words = f"{self._stage}: term {at.term}/{at.terms}{again}"
         figures = f"{at.evaluations} evaluations{best}"
         left = None if self._end is None else self._end - time.monotonic()
         if self._runs == 1:

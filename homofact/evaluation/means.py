@@ -14,6 +14,7 @@ from homofact.evaluation.metric_table import METRICS
 from homofact.evaluation.opinion import opinion_table
 from homofact.evaluation.spread import Spread
 from homofact.files.tables import csv_text
+from homofact.methods.known_mixes import DESCENDING
 
 _COLUMNS = (
     "source", "method", "bytes", "fetches", "sources", "fits", "metric", "unit", "mean", "standard_deviation", "min",
@@ -161,11 +162,16 @@ def csv_of(fits: Sequence[MeasuredFit]) -> str:
 
 
 def settings_in_words(settings: Any) -> str:
-    """Return the settings of a method that decide how well it does: "textures 2, size 16, effort normal"."""
+    """Return the settings of a method that decide how well it does: "textures 2, size 16, effort normal".
+
+    The known mixes of a quick and a normal search start from their own projections, so its random starts are left out.
+    """
     own = vars(settings)
     given = {name: own[name] for name in _SETTINGS if own.get(name) is not None}
     if "bytes" in given:
         given.pop("size", None)
+    if given.get("effort") in DESCENDING and own.get("projections") is None:
+        given.pop("restarts", None)
     return ", ".join(f"{name} {value}" for name, value in given.items())
 
 

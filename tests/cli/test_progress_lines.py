@@ -221,7 +221,7 @@ def test_a_run_with_an_expected_time_prints_one_time_and_keeps_it_during_its_fit
         now[0] = 30
         steps(FitProgress(2, 2, 1, 1, 7, math.inf))
         until(lines, len(lines) + 2)
-        assert lines[-1] == "1/4 paint: mccool: term 2/2, restart 1/1, 7 evaluations, about 50 s left"
+        assert lines[-1] == "1/4 paint: mccool: term 2/2, 7 evaluations, about 50 s left"
         # A run without an expected time forgets that of the one before: a quarter took 60 s.
         steps.run("paint: search", 0, 4)
         now[0] = 90

@@ -12,12 +12,14 @@ import pytest
 from pylatexenc.latex2text import LatexNodes2Text
 from pylatexenc.latexwalker import LatexEnvironmentNode, LatexWalker
 
+from homofact.api.progress import ProgressStep, ProgressSteps
 from homofact.errors import BadInput
 from homofact.evaluation.latex_means import escaped, latex_of, rounded
 from homofact.evaluation.means import MeasuredFit, csv_of, mean_rows, mixed_epsilons, settings_in_words
 from homofact.evaluation.metric_table import METRICS
 from homofact.evaluation.seeds import asked_seeds
 from homofact.methods.cole import Cole
+from homofact.methods.fitting import FitProgress
 from homofact.methods.search import Search
 from homofact.methods.table import ALL_METHODS
 
@@ -267,3 +269,20 @@ def test_the_settings_that_decide_are_named() -> None:
     cole = settings_in_words(Cole(textures=2, size=16, restarts=4))
     assert "restarts 4, joint_terms 2" in cole
     assert "effort" not in cole
+
+
+@pytest.mark.parametrize("projections", [None, ("theta_h-theta_d", "theta_h-theta_d")])
+@pytest.mark.parametrize("effort", ["quick", "normal", "thorough", 300])
+def test_restarts_are_named_where_a_search_makes_them(effort: str | float, projections: tuple[str, ...] | None) -> None:
+    """A quick or normal search of known mixes makes none, and its progress names none either."""
+    words = settings_in_words(Search(effort=effort, projections=projections))
+    assert ("restarts 6" in words) == (projections is not None or effort not in ("quick", "normal"))
+
+
+@pytest.mark.parametrize(("restarts", "words"), [(1, "fit: term 1/2"), (6, "fit: term 1/2, restart 1/6")])
+def test_progress_names_restarts_where_there_are_several(restarts: int, words: str) -> None:
+    told: list[ProgressStep] = []
+    steps = ProgressSteps(told.append)
+    steps.stage("fit")
+    steps(FitProgress(1, 2, 1, restarts, 10, 0.1))
+    assert told[-1].stage == words
