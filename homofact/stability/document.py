@@ -143,6 +143,12 @@ space with ε = {JUDGING_EPSILON:g}. Tables show it as a multiple of the same me
 The error bar of total reflected light is compared with the clean samples in bands of incidence, within the range of
 angles for which the fit states it. The comparison allows for the scatter of so few samples.
 
+A verdict that begins “the fit has errors typical of bad fits” rests on measured figures of the fit: its error on
+held-out samples, its distance from an interpolation of the nearest samples, and others that the line `Why it warns`
+of `factorize` names. Most fits with such figures were bad in the calibration of the verdict, many because of faulty
+samples, so homofact states the wider error bars of fits to faulty samples. Check the data (`homofact info`), then
+follow the line `Try next`.
+
 * **ok**: the error is at most {DEGRADED:g} times the unstressed error, and the verdict finds nothing that it does not
   find in the unstressed fit.
 * **degraded**: the error is larger, or the verdict warns (\\*). Most warnings come before the damage.{really}

@@ -93,7 +93,7 @@ def doubt_of(odds: Mapping[str, float], alarm: Alarm) -> str:
     """Why the error bars are those of faulty samples, as a clause: "" where nothing speaks against the samples."""
     if odds:
         return f"the samples look faulty ({', '.join(odds)})"
-    return "the fit resembles fits of faulty samples" if alarm.given else ""
+    return "the fit has errors typical of bad fits" if alarm.given else ""
 
 
 def _costed(finding: Finding, figures: Figures, odds: Mapping[str, float], constants: Table, doubted: bool) -> Finding:
