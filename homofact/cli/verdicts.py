@@ -74,8 +74,10 @@ def advice_lines(row: "ComparisonRow") -> list[str]:
 
 def figures_line(verdict: "Verdict") -> str:
     """Return the figures that the verdict was computed from."""
+    from homofact.evaluation.bar.causes import gap_in_words
+
     errors, system = verdict.figures.errors, verdict.figures.system
-    figures = [f"explains {max(errors.explained, 0):.1%}", f"held out / training {figure(errors.gap)}"]
+    figures = [f"explains {max(errors.explained, 0):.1%}", gap_in_words(errors.gap)]
     if system.determined is not None:
         figures.append(f"{system.determined:.0%} of the texels determined by samples")
     if system.condition is not None:

@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from homofact.cli.verdicts import cause_lines, where_lines
-from homofact.evaluation.bar.causes import WORDS, causes, causes_in_words
+from homofact.evaluation.bar.causes import WORDS, causes, causes_in_words, gap_in_words
 from homofact.evaluation.bar.error_bar import BarKind, ErrorBar, ErrorBars
 from homofact.evaluation.bar.features import FEATURES, OF_QUANTITY
 from homofact.evaluation.bar.table import LinearModel, table
@@ -50,6 +50,17 @@ def test_every_feature_has_words_of_its_own() -> None:
     assert causes_in_words(table().warning, raised) == (
         "the light that changes when light and viewer are swapped is 6 times the usual figure"
     )
+
+
+@pytest.mark.parametrize("gap", [0.9, 1.9, 2.1, 40.0])
+def test_the_ratio_of_errors_has_the_usual_one_and_what_a_large_one_means(gap: float) -> None:
+    words = gap_in_words(gap)
+    assert words.startswith(f"held out / training {gap:.3g} (usual: ")
+    usual = float(words.partition("usual: ")[2].rstrip(")").partition(";")[0])
+    mean = table().bars["right"]["albedo"].model.columns["gap"][1]
+    assert usual == pytest.approx(math.exp(mean) - 0.1, rel=0.05)
+    assert 1 < usual < 2
+    assert ("follow single samples" in words) == (gap > 2)
 
 
 def bars(*errors: float | None) -> ErrorBars:

@@ -7,10 +7,13 @@ times how far it is from the mean of the calibration. Figures that measure one t
 import math
 from collections.abc import Mapping
 
-from homofact.evaluation.bar.table import LinearModel
+from homofact.evaluation.bar.features import GAP_FLOOR
+from homofact.evaluation.bar.table import LinearModel, table
+from homofact.evaluation.wording import figure
 
 # Log odds from which on a figure counts as a cause, and how many are named.
 _WORTH, _MOST = 0.5, 2
+LARGE_GAP = 2.0  # held-out error over training error: from here on the fit may be too large for its samples
 # What each figure of a quantity measures, by the figure whose words stand for both.
 _SAME = {
     "own_mended": "mended", "own_read": "apart", "own_chance": "scatter", "own_gap": "samples",
@@ -48,6 +51,24 @@ WORDS = {
     "highest": "the range of grazing angles without measurements",
     "odds": "the odds that the data are faulty",
 }
+
+
+def gap_in_words(gap: float) -> str:
+    """Return the ratio of held-out to training error with the usual one, and what a large one means.
+
+    The usual one is the geometric mean over the fits to right samples in the calibration.
+
+    Examples
+    --------
+    >>> gap_in_words(1.08)
+    'held out / training 1.08 (usual: 1.4)'
+    >>> gap_in_words(2.93)
+    'held out / training 2.93 (usual: 1.4; above 2 the fit may follow single samples: try smaller textures)'
+    """
+    mean = table().bars["right"]["albedo"].model.columns["gap"][1]
+    usual = f"usual: {math.exp(mean) - GAP_FLOOR:.2g}"
+    large = "; above 2 the fit may follow single samples: try smaller textures" if gap > LARGE_GAP else ""
+    return f"held out / training {figure(gap)} ({usual}{large})"
 
 
 def causes(model: LinearModel, features: Mapping[str, float]) -> list[tuple[str, float, float]]:

@@ -53,6 +53,7 @@ OF_QUANTITY = {
     "own_unmeasured": "share of this light beyond the measurement",
 }
 _MOST_APART = 2.0  # of logs of light: a reading that is farther off says no more
+GAP_FLOOR = 0.1  # added to the ratio of held-out to training error before its logarithm
 RANGE_MARGIN = 2.0  # degrees: an albedo just beyond the outermost samples is measured as well
 
 
@@ -74,7 +75,7 @@ def common_features(figures: "Figures", odds: Mapping[str, float]) -> dict[str, 
         "apart": _log(reading.apart, 0.01),
         "unexplained": _log(1 - errors.explained, 0.001),
         "misplaced": _log(errors.misplaced, 0.003),
-        "gap": _log(errors.gap, 0.1),
+        "gap": _log(errors.gap, GAP_FLOOR),
         "off": _log(_apart(light.off), 0.003),
         "top": _log(_apart(light.highlight), 0.005),
         "step": _log(_apart(light.step), 0.01),
