@@ -134,6 +134,22 @@ def _cost_alone(
     )
 
 
+def struck_labels(placed: Sequence[Place], discs: Sequence[tuple[float, float]], radii: Sequence[float]) -> list[int]:
+    """Return how many other labels, and discs other than its own, each label covers; the first discs are its own.
+
+    Examples
+    --------
+    >>> placed = [Place((0, 0, 10, 4), False), Place((8, 2, 18, 6), False)]
+    >>> struck_labels(placed, [(-3, 0), (20, 4), (15, 4)], [2, 1, 1])
+    [1, 2]
+    """
+    boxes = np.array([each.box for each in placed], dtype=float).reshape(-1, 4)
+    covered = _inside(boxes, np.array(discs, dtype=float).reshape(-1, 2), np.array(radii, dtype=float))
+    shared = (_overlap(boxes, boxes) > 0).sum(1) - 1
+    own = covered[np.arange(len(boxes)), np.arange(len(boxes))]
+    return (shared + covered.sum(1) - own).tolist()
+
+
 def nearest_edge(point: tuple[float, float], box: Sequence[float]) -> tuple[float, float]:
     """Return the place on a box that is nearest to a point."""
     return min(max(point[0], box[0]), box[2]), min(max(point[1], box[1]), box[3])

@@ -8,20 +8,24 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from homofact.figures.label_places import nearest_edge, place_labels
+from homofact.figures.label_places import nearest_edge, place_labels, struck_labels
 
 Place = tuple[float, float]
 
 
 @dataclass(frozen=True)
 class PointLabel:
-    """The `words` at the point `at`, in data coordinates, in a colour; the point's marker has a `radius` in points."""
+    """The `words` at the point `at`, in data coordinates, in a colour; the point's marker has a `radius` in points.
+
+    An `optional` label is left out where it would cover something.
+    """
 
     words: str
     at: Place
     colour: str
     bold: bool = False
     radius: float = 4.5
+    optional: bool = False
 
 
 def label_points(
@@ -30,12 +34,14 @@ def label_points(
     labels: Sequence[PointLabel],
     paths: Sequence[Sequence[Place]] = (),
     *,
+    markers: Sequence[tuple[Place, float]] = (),
     fontsize: float = 7.5,
 ) -> None:
-    """Write `labels` into `axes`, off each other's points and, where possible, `paths`.
+    """Write `labels` into `axes`, off each other's points, off `markers` and, where possible, `paths`.
 
-    `paths` are corners of lines in data coordinates. The figure's layout has to be final. All places are worked out in
-    1/72 inch, so that they are the same whatever the picture's pixels.
+    `paths` are corners of lines in data coordinates, `markers` are points without a label (place, radius in points).
+    The figure's layout has to be final. All places are worked out in 1/72 inch, so that they are the same whatever the
+    picture's pixels.
     """
     scale = 72 / figure.dpi
     renderer = FigureCanvasAgg(figure).get_renderer()
@@ -60,14 +66,26 @@ def label_points(
     extents = [text.get_window_extent(renderer) for text in texts]
     frame = axes.get_window_extent(renderer)
     places = [place(label.at) for label in labels]
-    chosen = place_labels(
-        places,
-        [(extent.width * scale + 1, extent.height * scale) for extent in extents],
-        (frame.x0 * scale, frame.y0 * scale, frame.x1 * scale, frame.y1 * scale),
-        lines=[point for path in paths for point in _along([place(corner) for corner in path])],
-        radius=[label.radius for label in labels],
-    )
-    for text, label, extent, (x, y), chosen_place in zip(texts, labels, extents, places, chosen, strict=True):
+    lines = [point for path in paths for point in _along([place(corner) for corner in path])]
+    kept, unnamed = list(range(len(labels))), [(place(at), radius) for at, radius in markers]
+    while True:
+        others = [*unnamed, *((places[k], labels[k].radius) for k in range(len(labels)) if k not in kept)]
+        radii = [*(labels[k].radius for k in kept), *(radius for _, radius in others)]
+        chosen = place_labels(
+            [places[k] for k in kept],
+            [(extents[k].width * scale + 1, extents[k].height * scale) for k in kept],
+            (frame.x0 * scale, frame.y0 * scale, frame.x1 * scale, frame.y1 * scale),
+            others=[at for at, _ in others],
+            lines=lines,
+            radius=radii,
+        )
+        struck = struck_labels(chosen, [*(places[k] for k in kept), *(at for at, _ in others)], radii)
+        worst = max((k for k in range(len(kept)) if labels[kept[k]].optional), key=lambda k: struck[k], default=None)
+        if worst is None or struck[worst] == 0:
+            break
+        texts[kept.pop(worst)].remove()
+    for k, chosen_place in zip(kept, chosen, strict=True):
+        text, label, extent, (x, y) = texts[k], labels[k], extents[k], places[k]
         # An extent begins below its text's baseline, which is what is placed.
         text.set_position((chosen_place.box[0] - extent.x0 * scale + 0.5, chosen_place.box[1] - extent.y0 * scale))
         if chosen_place.leader:

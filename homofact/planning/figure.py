@@ -19,10 +19,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from homofact.figures.log_axis import log_x, log_y
-from homofact.figures.point_labels import PointLabel, label_points
+from homofact.figures.point_labels import Place, PointLabel, label_points
 from homofact.figures.words import in_figure
 from homofact.files.atomic import replace_file
 from homofact.planning.ladder import ONE_COLOUR, WHOLE, Candidate
+from homofact.planning.neighbours import larger, smaller
 from homofact.planning.plan import MaterialPlan, ScenePlan
 from homofact.planning.tolerance import MARGINS, UNLIT, WORDS
 
@@ -35,7 +36,7 @@ _LEAST = 1e-3
 # Errors whose logarithms differ by less lie on one spot of the panel.
 _SAME = 0.05
 _MARKER, _RING = 6.0, 14.0  # across, in points
-_MOST_LETTERS, _MOST_NAMES, _FEWEST_ROWS = 32, 30, 3
+_MOST_LETTERS, _MOST_NAMES, _FEWEST_ROWS = 32, 20, 3
 
 
 def plot_plan(path: str | os.PathLike[str], plan: ScenePlan) -> None:
@@ -150,24 +151,29 @@ def _key(drawn: Iterable[tuple[str, bool]]) -> list[Line2D]:
 
 
 def _name_points(figure: Figure, axes: Axes, distinct: tuple[MaterialPlan, ...]) -> None:
-    """Names beside the points; only the choices' where there are too many."""
-    named, paths = list[PointLabel](), [[(x, 1.0) for x in axes.get_xlim()]]
+    """Names beside the points, of choices always, of others where there is room.
+
+    Where there are many points, only the choice and the steps beside it are named, as the table has them. The key
+    explains the marker of one colour, so that several materials need no name there.
+    """
+    named, paths, unnamed = list[PointLabel](), [[(x, 1.0) for x in axes.get_xlim()]], list[tuple[Place, float]]()
     few = sum(len(_spots(plan)) for plan in distinct) <= _MOST_NAMES
     for k, plan in enumerate(distinct):
         spots = _spots(plan)
         paths.append(_undercut(spots))
-        named += [
-            PointLabel(
-                ", ".join(dict.fromkeys(map(_short, spot.candidates))),
-                spot.place,
-                _COLOURS[k % len(_COLOURS)],
-                spot.chosen,
-                _RING / 2 + 1 if spot.chosen else _MARKER / 2,
+        beside = () if few else (smaller(plan), larger(plan))
+        steps = {one.candidate for one in beside if one is not None}
+        for spot in spots:
+            radius = _RING / 2 + 1 if spot.chosen else _MARKER / 2
+            told = spot.shown.is_colour and len(distinct) > 1
+            if not spot.chosen and (told or not (few or steps & set(spot.candidates))):
+                unnamed.append((spot.place, radius))
+                continue
+            words = ", ".join(dict.fromkeys(map(_short, spot.candidates)))
+            named.append(
+                PointLabel(words, spot.place, _COLOURS[k % len(_COLOURS)], spot.chosen, radius, not spot.chosen)
             )
-            for spot in spots
-            if few or spot.chosen
-        ]
-    label_points(figure, axes, named, paths, fontsize=8)
+    label_points(figure, axes, named, paths, markers=unnamed, fontsize=8)
 
 
 def _bars(plan: MaterialPlan) -> list[tuple[str, float, float]]:

@@ -1,17 +1,19 @@
 """The picture of a plan, drawn of made-up outcomes: no words in the axes of the bars, lines that only fall."""
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.text import Annotation
 from plan_cases import PAINT, fits_of
 
 from homofact.planning import figure
-from homofact.planning.figure import _Spot, _undercut, plot_plan
+from homofact.planning.figure import _Spot, _spots, _undercut, plot_plan
 from homofact.planning.ladder import CONSTANT, Candidate
 from homofact.planning.plan import MaterialPlan, ScenePlan
 from homofact.planning.scene import SceneMaterial
@@ -42,8 +44,28 @@ def plan_of() -> ScenePlan:
     return ScenePlan(scene, (material,), None, 4, 6, 30)
 
 
+def crowd_of(materials: int) -> ScenePlan:
+    """A plan of materials whose points crowd round the tolerance."""
+    (own,) = plan_of().materials
+    sizes = [(count, size, store) for count in (1, 2, 3) for size in (4, 8, 16) for store in ("png8", "float32")]
+    every = [Candidate(CONSTANT), *(Candidate("search", *size) for size in sizes)]
+    crowd = []
+    for k in range(materials):
+        asked = {}
+        for n, rung in enumerate(every):
+            error = (4 + k) * (12 / rung.most_bytes(3)) ** 0.6 * (1 + 0.2 * ((3 * k + 5 * n) % 7 - 3) / 3)
+            asked[rung] = LadderOutcome(error, rung.most_bytes(3), 3, rung.textures, "delta_e", error)
+        choice = min((rung for rung in asked if asked[rung].error <= 1), key=lambda rung: asked[rung].bytes)
+        name = f"material {k}"
+        plan = replace(own, material=SceneMaterial(name, 1 / materials, name=name), walk=Walk(1.0, asked, choice, True))
+        plan.__dict__["errors"] = own.errors
+        crowd.append(plan)
+    return replace(plan_of(), materials=tuple(crowd))
+
+
 @pytest.fixture
-def drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Figure:
+def made(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
+    """What is drawn."""
     made: list[Figure] = []
 
     class Kept(Figure):
@@ -52,6 +74,11 @@ def drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Figure:
             made.append(self)
 
     monkeypatch.setattr(figure, "Figure", Kept)
+    return made
+
+
+@pytest.fixture
+def drawn(tmp_path: Path, made: list[Figure]) -> Figure:
     plot_plan(tmp_path / "p.png", plan_of())
     return made[0]
 
@@ -100,3 +127,30 @@ def test_each_name_is_beside_its_own_marker_and_on_nothing_else(drawn: Figure) -
         assert 0 < apart - (7 if name.get_fontweight() == "bold" else 3) < 4
         assert not any(box.overlaps(other) for other in boxes[k + 1 :])
         assert not any(box.contains(*other) for other in places)
+
+
+@pytest.mark.parametrize("materials", [2, 6])
+def test_a_crowded_plan_names_its_choices_and_covers_no_marker(
+    materials: int, tmp_path: Path, made: list[Figure]
+) -> None:
+    plan = crowd_of(materials)
+    plot_plan(tmp_path / "p.png", plan)
+    left, point = made[0].axes[0], made[0].dpi / 72
+    names = [text for text in left.texts if isinstance(text, Annotation) and text.get_text()]
+    spots = [spot for each in plan.distinct for spot in _spots(each)]
+    chosen = [name for name in names if name.get_fontweight() == "bold"]
+    assert len(chosen) == materials
+    assert materials < len(names) < len(spots)
+    # The key explains the marker of one colour.
+    assert not any(name.get_text() == "one colour" for name in names)
+    # That of the saved picture has other dots per inch.
+    renderer = FigureCanvasAgg(made[0]).get_renderer()
+    boxes = [name.get_window_extent(renderer) for name in names]
+    for k, (name, box) in enumerate(zip(names, boxes, strict=True)):
+        assert not any(box.overlaps(other) for other in boxes[k + 1 :])
+        if name in chosen:
+            continue  # always there, on the least that can be covered
+        for spot in spots:
+            x, y = left.transData.transform(spot.place)
+            apart = np.hypot(x - np.clip(x, box.x0, box.x1), y - np.clip(y, box.y0, box.y1)) / point
+            assert spot.place == tuple(map(float, name.xy)) or apart > 2.9
