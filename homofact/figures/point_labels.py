@@ -80,10 +80,13 @@ def label_points(
             radius=radii,
         )
         struck = struck_labels(chosen, [*(places[k] for k in kept), *(at for at, _ in others)], radii)
-        worst = max((k for k in range(len(kept)) if labels[kept[k]].optional), key=lambda k: struck[k], default=None)
-        if worst is None or struck[worst] == 0:
+        # The worse half at a time: those that are left get other places.
+        optional = [k for k in range(len(kept)) if labels[kept[k]].optional and struck[k]]
+        worst = sorted(optional, key=lambda k: -struck[k])
+        if not worst:
             break
-        texts[kept.pop(worst)].remove()
+        for k in sorted(worst[: (len(worst) + 1) // 2], reverse=True):
+            texts[kept.pop(k)].remove()
     for k, chosen_place in zip(kept, chosen, strict=True):
         text, label, extent, (x, y) = texts[k], labels[k], extents[k], places[k]
         # An extent begins below its text's baseline, which is what is placed.
