@@ -3,7 +3,6 @@
 import time
 
 from homofact.errors import Advice
-from homofact.evaluation.estimate import about
 from homofact.sweeps.local import TaskEnding
 from homofact.sweeps.run import State
 
@@ -35,11 +34,13 @@ class SweepProgress:
         self._ended += ending.died is None
 
     def words(self) -> str:
-        """For the progress bar."""
-        if not self._ended:
-            return f"{self._workers} at work"
-        seconds = (time.monotonic() - self._begun) / self._ended * self._left
-        return f"{self._workers} at work, {about(seconds)} left"
+        """For the progress bar, which adds the time left."""
+        return f"{self._workers} at work"
+
+    @property
+    def seconds_left(self) -> float | None:
+        """The seconds that the rest may take; None before the first task has ended."""
+        return (time.monotonic() - self._begun) / self._ended * self._left if self._ended else None
 
     def misfortune(self, state: State, ending: TaskEnding) -> str:
         """Why a task did not end well, and what becomes of it."""
