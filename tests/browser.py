@@ -1,7 +1,13 @@
-"""A headless Chromium for tests of pages, one a module; they are skipped with a message where there is none."""
+"""A headless Chromium for tests of pages: one for all modules, each with a tab of its own.
 
+Tests are skipped with a message where there is no browser. A browser takes over two seconds of a processor to start,
+a tab less than half a second.
+"""
+
+import shutil
+import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -11,18 +17,91 @@ from homofact.errors import MissingDependency
 from scripts.shared import headless
 
 
+class _Browser:
+    """A browser that stays open until `end_browsers`, with the number of the tab that commands go to."""
+
+    def __init__(self, webgl: bool) -> None:
+        """Start it. Raises MissingDependency where there is none."""
+        self.folder = Path(tempfile.mkdtemp(prefix="homofact-browser-"))
+        self._started = headless.chromium(self.folder / "profile", webgl=webgl)
+        try:
+            self.driver = self._started.__enter__()
+        except BaseException:
+            shutil.rmtree(self.folder, ignore_errors=True)
+            raise
+        self.first = self.shown = self.driver.current_window_handle
+
+    def show(self, tab: str) -> None:
+        """Bring a tab to the front, if it is not there: pages that nobody sees draw nothing."""
+        if tab != self.shown:
+            self.driver.switch_to.window(tab)
+            self.driver.execute_cdp_cmd("Page.bringToFront", {})
+            self.shown = tab
+
+    def end(self) -> None:
+        with suppress(Exception):
+            self._started.__exit__(None, None, None)
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+
+class _Tab:
+    """A selenium driver of one tab: it comes to the front whenever it is used, since other tabs are used in between."""
+
+    def __init__(self, browser: _Browser) -> None:
+        browser.show(browser.first)
+        browser.driver.switch_to.new_window("tab")
+        self._browser, self._handle = browser, browser.driver.current_window_handle
+        browser.shown = self._handle
+
+    def __getattr__(self, name: str) -> Any:
+        self._browser.show(self._handle)
+        return getattr(self._browser.driver, name)
+
+    def leave(self) -> None:
+        """Close the tab."""
+        self.close()
+        self._browser.shown = ""
+        self._browser.show(self._browser.first)
+
+
+# By whether pages find WebGL.
+_OPEN: dict[bool, _Browser] = {}
+
+
+def end_browsers() -> None:
+    """End the browsers that `browser` has started."""
+    while _OPEN:
+        _OPEN.popitem()[1].end()
+
+
+def _new_tab(webgl: bool) -> _Tab:
+    """A tab of the browser that is open, of a new one where there is none or it no longer answers."""
+    from selenium.common.exceptions import WebDriverException
+
+    if webgl in _OPEN:
+        try:
+            return _Tab(_OPEN[webgl])
+        except WebDriverException:
+            _OPEN.pop(webgl).end()
+    _OPEN[webgl] = _Browser(webgl)
+    return _Tab(_OPEN[webgl])
+
+
 @contextmanager
-def browser(folder: Path, *, webgl: bool = True, size: tuple[int, int] = (1440, 900)) -> Iterator[Any]:
-    """A selenium driver with its profile under `folder`; skips the test that asks for it where it cannot start."""
-    started = headless.chromium(folder / "profile", webgl=webgl, size=size)
+def browser(*, webgl: bool = True, size: tuple[int, int] = (1440, 900)) -> Iterator[Any]:
+    """A selenium driver of a new tab of `size`; skips the test that asks for it where no browser can start."""
     try:
-        driver = started.__enter__()
+        headless.required()
+        driver = _new_tab(webgl)
     except MissingDependency as error:
         pytest.skip(f"{error}")
+    headless.resize(driver, size)
+    complaints(driver)
+    requests(driver)
     try:
         yield driver
     finally:
-        started.__exit__(None, None, None)
+        driver.leave()
 
 
 def skip_without_browser() -> None:

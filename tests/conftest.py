@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from browser import end_browsers
 from hypothesis import settings
 from pictured import no_looks, small_spheres
 
@@ -60,7 +61,8 @@ def pytest_sessionstart(session: pytest.Session) -> None:
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:
-    """Name the files that the run left in the tree: an error in continuous integration, where nobody edits."""
+    """End browsers, and name the files that the run left in the tree: an error in continuous integration."""
+    end_browsers()
     if refusals.seen:
         refusals.write(refusals.seen)
     if hasattr(session.config, "workerinput"):

@@ -217,7 +217,7 @@ def compared(
 def relit_page(folder: Path, scene: RelightResult, size: tuple[int, int] = (420, 320)) -> Iterator[Any]:
     """The page of a relit scene, opened in a browser of its own and small; it must stay silent."""
     write_relit_page(folder / "scene.html", scene)
-    with browser(folder, size=SMALL) as driver:
+    with browser(size=SMALL) as driver:
         headless.open_page(driver, folder / "scene.html")
         shown = driver.execute_script("return homofact.changed ? '' : document.body.innerText")
         assert shown == "", f"the page shows its trouble: {shown}"

@@ -30,7 +30,7 @@ def prepared() -> PreparedScene:
 def page(prepared: PreparedScene, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
     folder = tmp_path_factory.mktemp("page")
     write_edit_page(folder / "edit.html", prepared)
-    with browser(folder) as driver:
+    with browser() as driver:
         headless.open_page(driver, folder / "edit.html")
         quiet(driver)
         yield driver

@@ -26,7 +26,7 @@ PAINT: Address = ("paint", "specular", "distribution")
 
 @pytest.fixture(scope="module")
 def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
-    with browser(tmp_path_factory.mktemp("chromium")) as driver:
+    with browser() as driver:
         yield driver
 
 
@@ -364,7 +364,7 @@ def sphere_of(session: Session, name: str, axes: torch.Tensor, light: torch.Tens
 def test_without_webgl_all_but_the_preview_works(tmp_path: Path) -> None:
     from homofact.editing.page.build import write_edit_page
 
-    with browser(tmp_path, webgl=False) as driver:
+    with browser(webgl=False) as driver:
         write_edit_page(tmp_path / "p.html", page_prepared())
         headless.open_page(driver, tmp_path / "p.html")
         quiet(driver)

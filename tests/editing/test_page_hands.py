@@ -31,7 +31,7 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
     from homofact.editing.page.build import write_edit_page
 
     folder = tmp_path_factory.mktemp("page")
-    with browser(folder) as driver:
+    with browser() as driver:
         write_edit_page(folder / "edit.html", page_prepared(), title="A test")
         headless.open_page(driver, folder / "edit.html")
         quiet(driver)

@@ -19,7 +19,7 @@ from homofact.relighting.page.build import PageReference, write_page
 
 @pytest.fixture(scope="package")
 def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
-    with browser(tmp_path_factory.mktemp("chromium")) as driver:
+    with browser() as driver:
         yield driver
 
 

@@ -120,6 +120,7 @@ def test_numbers_of_five_digits_stand_beside_their_sliders(page: Any) -> None:
 def test_a_page_without_a_reference_says_so(chromium: Any, page: Any, tmp_path: Path) -> None:
     given = relit_scene.plain(relit_scene.scene())
     write_page(tmp_path / "p.html", given.objects, given.skies, {}, title="t")
+    before = chromium.current_window_handle
     chromium.switch_to.new_window("tab")
     try:
         headless.open_page(chromium, tmp_path / "p.html")
@@ -134,7 +135,7 @@ def test_a_page_without_a_reference_says_so(chromium: Any, page: Any, tmp_path: 
     finally:
         requests(chromium)
         chromium.close()
-        chromium.switch_to.window(chromium.window_handles[0])
+        chromium.switch_to.window(before)
 
 
 def trouble(driver: Any, page: Path) -> str:
@@ -145,13 +146,14 @@ def trouble(driver: Any, page: Path) -> str:
 
 
 def test_without_webgl_or_unpacking_the_page_says_so(tmp_path: Path) -> None:
-    with browser(tmp_path, webgl=False) as driver:
+    with browser(webgl=False) as driver:
         said = trouble(driver, tmp_path / "page.html")
         assert said.startswith("This page draws with WebGL 2, which is not available here.")
         assert driver.execute_script("return document.querySelectorAll('.actions button:not([hidden])').length") == 0
 
 
 def test_without_unpacking_the_page_says_so(chromium: Any, page: Any, tmp_path: Path) -> None:
+    before = chromium.current_window_handle
     chromium.switch_to.new_window("tab")
     script = {"source": "delete window.DecompressionStream"}
     found = chromium.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", script)
@@ -162,7 +164,7 @@ def test_without_unpacking_the_page_says_so(chromium: Any, page: Any, tmp_path: 
         requests(chromium)
         complaints(chromium)
         chromium.close()
-        chromium.switch_to.window(chromium.window_handles[0])
+        chromium.switch_to.window(before)
     assert said.startswith("This browser cannot unpack the page's data.")
 
 

@@ -30,7 +30,7 @@ def opened(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
     given, folder = relit_lobes.scene(), tmp_path_factory.mktemp("highlights")
     reference = PageReference([np.ones_like(each.mesh.positions) for each in given.objects])
     write_page(folder / "page.html", given.objects, given.skies, {}, reference, camera=CAMERA)
-    with browser(folder, size=SMALL) as driver:
+    with browser(size=SMALL) as driver:
         headless.open_page(driver, folder / "page.html")
         driver.execute_script(
             "const p = document.getElementById('picture'); p.style.width = arguments[0]; p.style.height = arguments[1];"

@@ -74,7 +74,7 @@ def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def opened(file: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
-    with browser(tmp_path_factory.mktemp("chromium"), size=SMALL) as driver:
+    with browser(size=SMALL) as driver:
         headless.open_page(driver, file)
         # What is drawn at rest at each pixel has tests of its own.
         driver.execute_script("homofact.view.highlights.wanted = false; homofact.view.highlights.stop()")

@@ -134,7 +134,7 @@ def test_the_page_s_values_are_python_s_and_a_wrong_shader_shows(
 ) -> None:
     page = tmp_path / "page.html"
     page.write_text(script("speed.shader_throughput").page_of(ways, "t</script>", "about", 0.002, 16, 3, 0.1), "utf-8")
-    with browser(tmp_path) as driver:
+    with browser() as driver:
         headless.open_page(driver, page)
         driver.execute_async_script(
             "const done = arguments[0];"

@@ -13,7 +13,7 @@ from homofact.web.viewer import Layer, write_viewer
 
 @pytest.fixture(scope="module")
 def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
-    with browser(tmp_path_factory.mktemp("chromium")) as driver:
+    with browser() as driver:
         yield driver
 
 

@@ -52,7 +52,7 @@ def test_damaged_data_are_said_in_the_page(chromium: Any, tmp_path: Path) -> Non
 
 
 def test_without_webgl_the_page_says_so(tmp_path: Path) -> None:
-    with browser(tmp_path, webgl=False) as driver:
+    with browser(webgl=False) as driver:
         said = trouble(driver, tmp_path / "page.html", fit_layer(CASES["fixed h"], "fit", "Fit"))
         assert said.startswith("This page draws with WebGL 2, which is not available here.")
         assert "hardware acceleration" in said

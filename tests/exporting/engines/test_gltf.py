@@ -224,7 +224,7 @@ def test_three_draws_what_we_draw(look: MetallicRoughness, tmp_path: Path) -> No
     (tmp_path / "glb").mkdir()
     (tmp_path / "glb" / NAME).write_bytes(glb(look, "a"))
     draw = script("engines.draw_three").three_sphere
-    with browser(tmp_path / "browser") as driver:
+    with browser() as driver:
         found = draw(driver, tmp_path / "page", tmp_path / "glb", SIZE, RADIUS, [DEFAULT_LIGHT], glb=NAME)
     expected = render_sphere(look, DEFAULT_LIGHT, SIZE).radiance.numpy()
     y, x = np.mgrid[:SIZE, :SIZE] + 0.5 - SIZE / 2

@@ -139,7 +139,7 @@ def test_godot_compiles_the_shader(tmp_path: Path) -> None:
         (folder / place.name).symlink_to(place)
     (folder / "page.html").write_text(PAGE, encoding="utf-8")
     fits: dict[str, Factorization] = {"isotropic": isotropic(), "brushed": brushed()}
-    with browser(tmp_path) as driver, served(folder, script("engines.draw_godot").ISOLATED) as address:
+    with browser() as driver, served(folder, script("engines.draw_godot").ISOLATED) as address:
         driver.get(f"{address}/page.html")
         waited(driver, "return window.GodotShaderViewer?.loadShader && said.includes('started')")
         code = ""

@@ -39,7 +39,7 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Any, Path, 
     folder = tmp_path_factory.mktemp("three")
     (folder / "three").symlink_to(three)
     (folder / "page.html").write_text(script("engines.draw_three").PAGE, encoding="utf-8")
-    with browser(tmp_path_factory.mktemp("browser")) as driver, served(folder) as address:
+    with browser() as driver, served(folder) as address:
         yield driver, folder, address
 
 

@@ -161,7 +161,7 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
         write_hdr(place / name / "sky.hdr", sky().radiance.numpy())
         (place / name / "broken.glb").write_bytes(b"glTF\2\0\0\0 and no more")
         (place / name / "broken.hdr").write_bytes(b"no sky")
-    with browser(tmp_path_factory.mktemp("browser")) as driver, served(place) as address:
+    with browser() as driver, served(place) as address:
         headless.resize(driver, (320, 200))
         yield Page(driver, address, made)
 
