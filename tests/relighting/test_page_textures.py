@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from browser import headless
 from relit_page import (
     DAY,
     change,
@@ -13,6 +12,7 @@ from relit_page import (
     relit,
     relit_page,
     shown_picture,
+    shrink,
     statistics,
     vertex_light,
     with_own_light,
@@ -63,13 +63,13 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> RelightResult:
 
 @pytest.fixture(scope="module")
 def opened(scene: RelightResult, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
-    with relit_page(tmp_path_factory.mktemp("page"), scene, (140, 105)) as driver:
+    with relit_page(tmp_path_factory.mktemp("page"), scene, (24, 18)) as driver:
         yield driver
 
 
 @pytest.fixture
 def page(opened: Any) -> Any:
-    """The page as it began; it has settled when the test has changed what it looks at."""
+    """The page as it began, its picture tiny; it has settled when the test has changed what it looks at."""
     opened.execute_script(
         "Object.assign(homofact.state, {turn: 0, suns: true, sky: 0, interpolation: 'vertex', show: 'picture'});"
         "homofact.changed('light'); homofact.changed('light-shown')"
@@ -82,6 +82,7 @@ def page(opened: Any) -> Any:
 def test_pixels_have_the_colours_of_the_textures(
     page: Any, scene: RelightResult, interpolation: str, suns: bool
 ) -> None:
+    shrink(page, 140, 105)
     change(page, suns=suns, interpolation=interpolation)
     found = shown_picture(page)
     size = (found.shape[1], found.shape[0])
@@ -117,7 +118,7 @@ def test_vertices_have_them_on_processor_and_card(page: Any, scene: RelightResul
 @pytest.mark.slow
 def test_a_reference_is_compared_at_vertices(page: Any) -> None:
     """Beside it the page's own texture is that of the vertices too: what differs is no finer texture."""
-    headless.settled(page)
+    shrink(page, 140, 105)
     assert statistics(page)["error"] < 0.05
     change(page, "light-shown", show="difference", range=0.5)
     found = shown_picture(page, "(homofact.view.stage.draw(homofact.view, false), homofact.view.stage.pixels())")
