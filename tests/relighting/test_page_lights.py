@@ -32,7 +32,7 @@ from homofact.rendering.sphere import SphereImage
 from homofact.rendering.tonemap import automatic_exposure
 from homofact.scene.meshes import MeshGroup
 
-# The sun's penumbra is wide: where the sun is low, a ball lies in its own. The first lamp has one shadow map, the second
+# The sun's penumbra is wide: where the sun is low, a ball lies in its own. The first lamp has one shadow map, the other
 # is among the balls and has six.
 SCENE = """
 [[object]]
