@@ -46,7 +46,7 @@ def main() -> int:
     for viewer, place in viewers(fits()):
         (out / place).parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(viewer, out / place)
-    pages, links, broken = broken_links(out)
+    pages, links, broken = broken_links(out, out.with_name(f"{out.name}.cache") / "links.json")
     for line in broken:
         print(line, file=sys.stderr)
     print(f"{out}: {pages} pages, {links} links, {len(broken)} broken, {time.perf_counter() - begun:.0f} s")

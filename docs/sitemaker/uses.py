@@ -17,10 +17,14 @@ def used_by_page(module: str, pages: Mapping[str, str]) -> list[str]:
     return sorted(found, key=lambda name: (not name.startswith("tutorials/"), name))
 
 
-@cache
 def scripts_using(module: str) -> list[str]:
     """The programs of scripts/ that use a module."""
-    return [path for path in script_paths() if module in modules_of(((ROOT / path).read_text(encoding="utf-8"),))]
+    return [path for path, used in _used_by_scripts().items() if module in used]
+
+
+@cache
+def _used_by_scripts() -> dict[str, frozenset[str]]:
+    return {path: modules_of(((ROOT / path).read_text(encoding="utf-8"),)) for path in script_paths()}
 
 
 @cache

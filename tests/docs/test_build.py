@@ -34,7 +34,7 @@ references
 
 def built(folder: Path, page: str) -> int:
     sources = folder / "sources"
-    (sources / "source" / "scripts" / "accuracy").mkdir(parents=True)
+    (sources / "source" / "scripts" / "accuracy").mkdir(parents=True, exist_ok=True)
     (sources / "index.md").write_text(page, encoding="utf-8")
     (sources / "references.md").write_text(BIBLIOGRAPHY, encoding="utf-8")
     (sources / "references.bib").write_text((DOCS / "references.bib").read_text(encoding="utf-8"), encoding="utf-8")
@@ -65,6 +65,25 @@ def test_a_page_gets_its_links_and_formulas(tmp_path: Path) -> None:
     pages, _, broken = broken_links(tmp_path / "site")
     assert pages >= 3
     assert broken == []
+
+
+@pytest.mark.slow
+def test_a_page_that_changed_makes_the_site_that_a_build_from_scratch_makes(tmp_path: Path) -> None:
+    changed = PAGE.replace("```{toctree}", "One more sentence (Wang, Tran and Luebke 2004).\n\n```{toctree}")
+    assert built(tmp_path / "again", PAGE) == 0
+    first = written(tmp_path / "again" / "site")
+    assert built(tmp_path / "again", changed) == 0
+    assert built(tmp_path / "scratch", changed) == 0
+    again, scratch = (written(tmp_path / name / "site") for name in ("again", "scratch"))
+    assert again.keys() == scratch.keys()
+    assert [name for name in again if again[name] != scratch[name]] == []
+    assert [name for name in again if again[name] != first[name]] == ["index.html", "searchindex.js"]
+
+
+def written(site: Path) -> dict[str, bytes]:
+    """The files of a site by their names; what Sphinx keeps for itself is none of it."""
+    files = (path for path in sorted(site.rglob("*")) if path.is_file() and ".doctrees" not in path.parts)
+    return {path.relative_to(site).as_posix(): path.read_bytes() for path in files}
 
 
 def formulas(text: str) -> list[str]:

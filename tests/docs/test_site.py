@@ -1,5 +1,6 @@
 """The site's parts: navigation, links, pages from declarations. That it builds without a warning is `make docs`."""
 
+import json
 import re
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from sphinx.search.en import SearchEnglish
 from typer.main import get_command
 
 from homofact.cli.main import app
+from sitemaker import links
 from sitemaker.commands import command_pages, runs_of
 from sitemaker.links import broken_links
 from sitemaker.navigation import DOCS, ROOT, SECTIONS, toctrees, written_pages
@@ -175,11 +177,14 @@ def test_links_that_lead_nowhere_are_found(tmp_path: Path) -> None:
         '<a href="b.html#x">1</a><a href="b.html#no">2</a><a href="c.html">3</a><img src="no.png">'
         '<a href="https://elsewhere.org">4</a><script src="https://cdn.org/x.js"></script><a href="../out.html">5</a>'
         '<a href="#">6</a><a href="mailto:x@y.z">7</a><p id="here"></p><a href="#here">8</a><a href="d/">9</a>'
+        '<a href="e/#f">10</a>'
     )
     (tmp_path / "b.html").write_text('<p id="x"></p>')
     (tmp_path / "d").mkdir()
+    (tmp_path / "e").mkdir()
+    (tmp_path / "e" / "index.html").write_text('<p id="f"></p>')
     pages, links, broken = broken_links(tmp_path)
-    assert (pages, links) == (2, 7)
+    assert (pages, links) == (3, 8)
     assert [line.split(" ", 1)[1] for line in broken] == [
         "b.html#no leads to no such place",
         "c.html leads to nothing",
@@ -188,6 +193,51 @@ def test_links_that_lead_nowhere_are_found(tmp_path: Path) -> None:
         "../out.html leads to nothing",
         "d/ leads to nothing",
     ]
+
+
+def test_pages_that_are_kept_change_no_finding(tmp_path: Path) -> None:
+    """Whatever was read before, and whatever became of its file, the findings are those of pages as they are."""
+    site, kept = tmp_path / "site", tmp_path / "cache" / "links.json"
+    site.mkdir()
+    text = '<a href="b.html#x">1</a>'
+    (site / "a.html").write_text(text)
+    (site / "b.html").write_text('<p id="x"></p><a href="a.html">2</a>')
+
+    def check(pages: int, links: int, *broken: str) -> None:
+        for file in (kept, kept, None):
+            assert broken_links(site, file) == (pages, links, list(broken))
+
+    check(2, 2)
+    # A page that changed loses its place; one that is gone is led to no more.
+    before = kept.read_bytes()
+    (site / "b.html").write_text('<p id="y"></p><a href="a.html">2</a>')
+    check(2, 2, "a.html: b.html#x leads to no such place")
+    (site / "b.html").unlink()
+    check(1, 1, "a.html: b.html#x leads to nothing")
+    # Two pages alike, and a page of another name with bytes that are known, have their own findings.
+    (site / "d").mkdir()
+    (site / "d" / "a.html").write_text(text)
+    check(2, 2, "a.html: b.html#x leads to nothing", "d/a.html: b.html#x leads to nothing")
+    record = json.loads(kept.read_bytes())
+    other = {"version": "another", "pages": {key: [[], []] for key in record["pages"]}}
+    for damaged in (b"", b"[1]", json.dumps(other).encode(), before[: len(before) // 2]):
+        kept.write_bytes(damaged)
+        check(2, 2, "a.html: b.html#x leads to nothing", "d/a.html: b.html#x leads to nothing")
+
+
+def test_what_is_kept_is_not_parsed_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    site, kept = tmp_path / "site", tmp_path / "links.json"
+    site.mkdir()
+    for name in "abc":
+        (site / f"{name}.html").write_text(f'<p id="{name}"></p><a href="a.html#a">1</a>')
+    parsed: list[str] = []
+    real = links._parsed
+    monkeypatch.setattr(links, "_parsed", lambda text: parsed.append(text) or real(text))
+    broken_links(site, kept)
+    assert len(parsed) == 3
+    (site / "c.html").write_text('<a href="b.html#b">1</a>')
+    assert broken_links(site, kept) == (3, 3, [])
+    assert parsed[3:] == ['<a href="b.html#b">1</a>']
 
 
 @pytest.mark.slow
