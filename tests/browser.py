@@ -66,6 +66,8 @@ class _Tab:
 
 # By whether pages find WebGL.
 _OPEN: dict[bool, _Browser] = {}
+# Addresses by the tab that asked for them, of tabs whose own have not been looked at since.
+_REQUESTS: dict[str, list[str]] = {}
 
 
 def end_browsers() -> None:
@@ -121,7 +123,10 @@ def requests(driver: Any) -> list[str]:
     """Addresses that the page has asked for since the last call, those inside itself left out."""
     import json
 
-    messages = [json.loads(entry["message"])["message"] for entry in driver.get_log("performance")]
-    urls = [m["params"]["request"]["url"] for m in messages if m["method"] == "Network.requestWillBeSent"]
+    for entry in driver.get_log("performance"):
+        found = json.loads(entry["message"])
+        if found["message"]["method"] == "Network.requestWillBeSent":
+            _REQUESTS.setdefault(found["webview"], []).append(found["message"]["params"]["request"]["url"])
+    urls = _REQUESTS.pop(driver.current_window_handle, [])
     # The browser's own first tab may still be loading when the page is opened.
     return [url for url in urls if not url.startswith(("data:", "blob:", "chrome:", "chrome-untrusted:"))]
