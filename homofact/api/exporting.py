@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 QUANTIZED = ("png8", "png16")
 SEEN = "the fit has, or may have, seen the samples that its errors are on"
+AGAINST_UNEDITED = "the fit is edited, so its errors include the edit: the samples are of the material before it"
 SKY_SIDE = 256  # as `rendering.sky_chain.SIDE`, which help must not load
 
 
@@ -262,6 +263,7 @@ class _Work:
         """Measure and write."""
         from homofact.exporting.exported import write_exported
         from homofact.exporting.look_alike import AddedLookAlike
+        from homofact.factor.edited import edits_in_words
 
         self.steps.stage("measuring and writing")
         samples = None if isinstance(self.source, str) else self.source.parts
@@ -282,6 +284,8 @@ class _Work:
         beside = [*more, ENGINE_MARK] if more else []
         found = self.source
         seen = "" if isinstance(found, str) or found.held_out else SEEN
+        if edits_in_words(self.fitted.provenance):
+            seen = AGAINST_UNEDITED
         return ExportResult(
             result=words,
             folder=folder,

@@ -27,7 +27,7 @@ def error_table(records: Mapping[str, Mapping[str, Any]]) -> Table:
     seeds = f"; mean ± standard deviation of {max(several)} seeds" if several else ""
     epsilons = sorted({record["epsilon"] for record in records.values()})
     used = f"ε = {' to '.join(f'{epsilon:g}' for epsilon in dict.fromkeys((epsilons[0], epsilons[-1])))}"
-    table = plain_table(f"Error (log mse is the Cole error, {used}; mse, mae, max linear, in sr⁻¹{seeds})")
+    table = plain_table(f"Error (log mse is the Cole error, {used}; mse in sr⁻², mae and max in sr⁻¹{seeds})")
     longest = max(map(len, records), default=0)
     # Short names stay whole beside figures with deviations; longer ones would leave these no room.
     add_names(table, longest=longest if longest <= _SHORT_NAME else 0)

@@ -4,6 +4,8 @@ from homofact.relighting.errors import RelightErrors
 
 # Below this PSNR in dB a picture looks wrong at first sight; above this relative RMS the rim does.
 _POOR, _POOR_RIM = 30.0, 0.2
+# The part of an error above which one stage makes most of it.
+_MOST = 0.7
 
 
 def error_notes(name: str, found: RelightErrors | None, separate: bool) -> tuple[str, ...]:
@@ -38,6 +40,8 @@ def error_notes(name: str, found: RelightErrors | None, separate: bool) -> tuple
     if not poor:
         return ()
     advice = "more kept coefficients or terms may help"
-    if not separate:
+    if found.errors.get("bounce", 0.0) > _MOST * found.errors["picture"]:
+        advice = "most of it is the light between surfaces, which more coefficients or terms do not improve"
+    elif not separate:
         advice = 'lobe = "separate" suits a sharp highlight, more terms a broad one'
     return (f"{name}: its picture differs visibly from the exact one ({', '.join(poor)}); {advice}",)

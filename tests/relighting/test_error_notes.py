@@ -29,5 +29,13 @@ def test_a_note_has_the_figures_that_are_poor_and_the_lobe_where_it_is_not_separ
     assert "separate" not in line
 
 
+@pytest.mark.parametrize(("bounce", "most"), [(0.029, True), (0.01, False)])
+def test_a_note_does_not_advise_coefficients_against_the_error_of_a_bounce(bounce: float, most: bool) -> None:
+    poor = RelightErrors({"picture": 0.03, "rim": 0.5, "bounce": bounce}, 0.0, 64, 28.0)
+    for separate in (False, True):
+        (line,) = error_notes("ball", poor, separate)
+        assert ("light between surfaces" in line) is most
+
+
 def test_an_object_that_is_not_seen_has_no_note() -> None:
     assert error_notes("ball", None, False) == ()

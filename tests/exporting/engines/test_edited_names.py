@@ -1,11 +1,14 @@
 """An edited fit's export is not named as its original's: package, README and page title say that it is edited."""
 
 import json
+from pathlib import Path
 from typing import Any
 
 import pytest
 from engine_cases import fit_no_looks, isotropic
 
+import homofact
+from homofact.api.exporting import AGAINST_UNEDITED
 from homofact.brdf.analytic.metallic_roughness import MetallicRoughness
 from homofact.containers.formats import format_named
 from homofact.exporting.engines import gltf
@@ -70,6 +73,16 @@ def test_the_readme_names_the_edits_as_info_does(engine: str) -> None:
     assert f"\n\nThe fit was edited: {WORDS}.\n\n" in edited
     assert "edited gold" in edited or "homofact-edited-gold" in edited
     assert "edited" not in before
+
+
+def test_errors_on_samples_of_the_unedited_material_are_named_so(tmp_path: Path) -> None:
+    cautions = []
+    for name, more in (("before", {}), ("after", {"edits": EDITS})):
+        fit = isotropic()
+        fit.provenance.update(GOLD | more)
+        cautions.append(homofact.export(fit, tmp_path / name, source="material:phong-30").caution)
+    assert AGAINST_UNEDITED not in cautions[0]
+    assert cautions[1] == AGAINST_UNEDITED
 
 
 def test_edits_of_damaged_provenance_are_words_still() -> None:
