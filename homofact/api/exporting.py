@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 QUANTIZED = ("png8", "png16")
 SEEN = "the fit has, or may have, seen the samples that its errors are on"
-AGAINST_UNEDITED = "the fit is edited, so its errors include the edit: the samples are of the material before it"
+AGAINST_UNEDITED = "the fit is edited and the samples are of the unedited material: its errors include the edit"
 SKY_SIDE = 256  # as `rendering.sky_chain.SIDE`, which help must not load
 
 
@@ -263,7 +263,7 @@ class _Work:
         """Measure and write."""
         from homofact.exporting.exported import write_exported
         from homofact.exporting.look_alike import AddedLookAlike
-        from homofact.factor.edited import edits_in_words
+        from homofact.factor.fixed_projections import EDITS
 
         self.steps.stage("measuring and writing")
         samples = None if isinstance(self.source, str) else self.source.parts
@@ -284,7 +284,7 @@ class _Work:
         beside = [*more, ENGINE_MARK] if more else []
         found = self.source
         seen = "" if isinstance(found, str) or found.held_out else SEEN
-        if edits_in_words(self.fitted.provenance):
+        if EDITS in self.fitted.provenance:
             seen = AGAINST_UNEDITED
         return ExportResult(
             result=words,

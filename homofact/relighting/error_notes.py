@@ -1,5 +1,7 @@
 """A note on an object whose relit picture differs visibly from the exact one."""
 
+import math
+
 from homofact.relighting.errors import RelightErrors
 
 # Below this PSNR in dB a picture looks wrong at first sight; above this relative RMS the rim does.
@@ -40,7 +42,9 @@ def error_notes(name: str, found: RelightErrors | None, separate: bool) -> tuple
     if not poor:
         return ()
     advice = "more kept coefficients or terms may help"
-    if found.errors.get("bounce", 0.0) > _MOST * found.errors["picture"]:
+    # An object without a pixel has the errors of its vertices alone.
+    whole = found.errors.get("picture", found.errors.get("together", math.inf))
+    if found.errors.get("bounce", 0.0) > _MOST * whole:
         advice = "most of it is the light between surfaces, which more coefficients or terms do not improve"
     elif not separate:
         advice = 'lobe = "separate" suits a sharp highlight, more terms a broad one'

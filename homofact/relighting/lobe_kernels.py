@@ -145,8 +145,8 @@ def sum_lobe(points, sight, cells, lobe, out, half_seen):  # pragma: no cover (c
             # Raised to the last level.
             raised = math.sqrt((one - np.float32(_LEAST * _LEAST)) / max(ox * ox + oy * oy, np.float32(1e-12)))
             ox, oy, oz = ox * raised, oy * raised, np.float32(_LEAST)
-        steepness = max(one - math.acos(min(oz, one)) / np.float32(STEEPEST), 0.0)
-        level = (one - steepness ** (1 / CROWDING)) * (levels - 1)
+        from_last = max(one - math.acos(min(oz, one)) / np.float32(STEEPEST), 0.0)
+        level = (one - from_last ** (1 / CROWDING)) * (levels - 1)
         low = min(int(level), levels - 2)
         up = np.float32(min(level - low, 1.0))
         across = math.sqrt(ox * ox + oy * oy)

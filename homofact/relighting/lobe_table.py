@@ -34,7 +34,7 @@ from homofact.geometry.directions import from_spherical
 from homofact.relighting.slope_grid import fitted, node_slopes, places_of
 
 STEEPEST = math.radians(89.7)
-CROWDING = 1.5
+CROWDING = 1.5  # of the nodes of θo towards the horizon: 1 is even
 # Nodes of θo, along the slope and around it; with several φo, which make a table large, of a whole circle.
 SIZE = (56, 96, 44)
 TURNS, TURNED_SIZE = 24, (40, 36, 47)

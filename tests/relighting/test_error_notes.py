@@ -37,5 +37,11 @@ def test_a_note_does_not_advise_coefficients_against_the_error_of_a_bounce(bounc
         assert ("light between surfaces" in line) is most
 
 
+def test_an_object_without_a_pixel_is_noted_by_its_vertices() -> None:
+    (line,) = error_notes("wire", RelightErrors({"bounce": 0.3, "together": 0.4, "rim": 0.5}, 0.0, 3), True)
+    assert "light between surfaces" in line
+    assert error_notes("wire", RelightErrors({"rim": 0.5}, 0.0, 3), True)
+
+
 def test_an_object_that_is_not_seen_has_no_note() -> None:
     assert error_notes("ball", None, False) == ()

@@ -1,6 +1,6 @@
 // A separate lobe on the graphics card: the sum of lobe.js in a shader, and the textures that it reads.
 
-// Levels of cells: 8 × 8 to 64 × 64 a face, and texels divided twice.
+// Levels of cells: 8 × 8 to 256 × 256 a face, the parts of texels included (texel_pattern.py).
 const MOST_LEVELS = 6;
 // The least cosine to the eye of a normal between vertices.
 const BENT = 0.02;
