@@ -101,9 +101,11 @@ class SourceSettings(_Checked):
 
 @dataclass(frozen=True)
 class EvaluateSettings(_Checked):
-    """`held_out`: the part of the measured samples kept from the fit, drawn by the seed."""
+    """`held_out`: the part of the measured samples kept from the fit, drawn by the seed; 0 in `factorize` alone."""
 
-    held_out: float = option(HELD_OUT, "Share of the samples held out from the fit", above=0, below=1, panel=SOURCE)
+    held_out: float = option(
+        HELD_OUT, "Share of the samples held out from the fit; factorize also takes 0", least=0, below=1, panel=SOURCE
+    )
 
 
 @dataclass(frozen=True)
@@ -173,7 +175,10 @@ class RenderSettings(_Checked):
         None, "Direction towards a directional light: x right, y up, z to the viewer", metavar="X,Y,Z"
     )
     environment: str | None = option(
-        None, "Latitude-longitude environment map (.hdr or .exr) instead of the directional light", metavar="FILE.hdr"
+        None,
+        "Latitude-longitude environment map (.hdr or .exr), or a built-in sky: overcast, studio, uniform; instead of"
+        " the directional light",
+        metavar="FILE.hdr",
     )
     exposure: float = option(0.0, "Exposure above the automatic one", unit="stops", least=-20, most=20, metavar="STOPS")
     tonemap: str = option("filmic", "Tone curve of the picture", choices=("filmic", "srgb"))

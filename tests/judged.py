@@ -52,7 +52,7 @@ def verdict(
     fitted: Altered | None = None,
     train: Samples = TRAIN,
     test: Samples = TEST,
-    log_mse: tuple[float, float] = (1e-4, 1e-4),
+    log_mse: tuple[float, float] = (1e-4, 1.1e-4),
     status: Status = Status.DIRECT,
     seen: Appearance | None = None,
     look: Look | None = None,

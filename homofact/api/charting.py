@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from homofact.api.comparing import named_methods
 from homofact.api.places import check_place
 from homofact.api.progress import Progress, ProgressSteps
-from homofact.api.subjects import Place, given_source, open_given
+from homofact.api.subjects import Place, check_held_out, given_source, open_given
 from homofact.brdf.source_names import HELD_OUT, MATERIAL_PREFIX
 from homofact.errors import Advice, BadInput, Interrupted
 from homofact.files.extras import check as check_library
@@ -150,6 +150,7 @@ def chart(
     >>> [row.size for row in found.charts[0].rows]
     [4, 8]
     """
+    check_held_out(held_out)
     several = isinstance(source, list)
     names = {name: given_source(one) for name, one in _names(source if several else [source]).items()}
     varied = {"textures": textures, "size": sizes, "search": searches}

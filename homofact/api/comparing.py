@@ -10,7 +10,7 @@ from homofact.api.compared import CompareResult, SourceComparison
 from homofact.api.places import check_file
 from homofact.api.progress import Progress, ProgressSteps
 from homofact.api.refusing import Refusal
-from homofact.api.subjects import Place, given_source, open_given, subset_of
+from homofact.api.subjects import Place, check_held_out, given_source, open_given, subset_of
 from homofact.brdf.source_names import HELD_OUT
 from homofact.errors import BadInput, Status
 from homofact.files import extras
@@ -88,6 +88,7 @@ def compare(
     (['mccool', 'svd'], True)
     """
     refusal = Refusal.of(strict, refuse)
+    check_held_out(held_out)
     several = isinstance(source, list | tuple) and not _is_samples(source)
     sources = [given_source(one) for one in (source if several else [source])]
     files = _files(plot, csv, latex, len(sources))

@@ -94,7 +94,8 @@ def factorize(
     method : Method or str, optional
         The method, or its name. Default: `Search`.
     held_out : float, optional
-        The part of the samples that is held out of the fit.
+        The part of the samples that is held out of the fit; 0 fits all samples, and every error is then on samples
+        that the fit has seen.
     seed : int, optional
         Of the samples of a model, and of a method that is given by name.
     strict : bool or float, optional
@@ -174,10 +175,14 @@ def factorize(
 
 def caption(record: dict[str, Any]) -> list[str]:
     """Return the lines under a fit's sphere: its errors on the held-out samples and what it costs to evaluate."""
-    held, train = record["error"]["held_out"], record["error"]["train"]
+    errors = record["error"]
+    if "source" in errors:
+        tested, words, beside = errors["source"], "on all samples", ""
+    else:
+        tested, words, beside = errors["held_out"], "held out", f", {figure(errors['train']['log_mse'])} training"
     return [
-        f"log MSE {figure(held['log_mse'])} held out, {figure(train['log_mse'])} training",
-        f"log MAE {figure(held['log_mae'])}, MAE {figure(held['mae'])} sr⁻¹ held out",
+        f"log MSE {figure(tested['log_mse'])} {words}{beside}",
+        f"log MAE {figure(tested['log_mae'])}, MAE {figure(tested['mae'])} sr⁻¹ {words}",
         f"{counted(record['textures'], 'texture')}, {record['bytes']} bytes, {counted(record['fetches'], 'fetch')}",
     ]
 

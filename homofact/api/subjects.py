@@ -105,6 +105,16 @@ def open_given(source: Any, seed: int = 0) -> "Source":
     return source_of(source, seed=seed)
 
 
+def check_held_out(part: float) -> None:
+    """Raise BadInput for a part that fits cannot be compared on: nothing, everything, or no part at all."""
+    if not 0 < part < 1:
+        raise BadInput(
+            where="held_out",
+            found=f"{part:g}",
+            expected="between 0 and 1: held-out samples show which fit is better (only factorize takes 0)",
+        )
+
+
 def reopened_or_why(fitted: "Fitted", source: Any, near: tuple[Path, ...]) -> "Reopened | str":
     """Return the fit's source opened again, or why it cannot be.
 

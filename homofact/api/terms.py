@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from homofact.api.progress import Progress, ProgressSteps
-from homofact.api.subjects import given_source, open_given, subset_of
+from homofact.api.subjects import check_held_out, given_source, open_given, subset_of
 from homofact.brdf.source_names import HELD_OUT
 from homofact.errors import BadInput
 
@@ -98,6 +98,7 @@ def terms(
     (29, 23)
     """
     given = given_source(source)
+    check_held_out(held_out)
     if not 0 < share < 1:
         raise BadInput(where="share", found=share, expected="between 0 and 1")
     if not 0 < limit <= 90:

@@ -19,7 +19,8 @@ _SHORT_NAME = 10
 def error_table(records: Mapping[str, Mapping[str, Any]]) -> Table:
     """Six metrics of every labelled record, held out over training; linear ones in sr⁻¹.
 
-    A record of several seeds has its means, and under them the standard deviations.
+    A fit that nothing was held out from has one line. A record of several seeds has its means, and under them the
+    standard deviations.
     """
     from homofact.evaluation.metric_table import SIX
 
@@ -34,7 +35,8 @@ def error_table(records: Mapping[str, Mapping[str, Any]]) -> Table:
     add_names(table, "set", longest=len("held out"))
     add_figures(table, *(name.replace("_", " ") for name in SIX))
     for label, record in records.items():
-        for key, words in (("held_out", "held out"), ("train", "training")):
+        parts = {"held_out": "held out", "train": "training"}
+        for key, words in ({"source": "all seen"} if "source" in record["error"] else parts).items():
             figures = [figure(record["error"][key][name]) for name in SIX]
             style = "dim" if key == "train" else "bold"
             table.add_row("" if key == "train" else Text(label), words, *(Text(f, style) for f in figures))

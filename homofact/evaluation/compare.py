@@ -12,7 +12,7 @@ from typing import Any
 from homofact.brdf.samples import Samples
 from homofact.brdf.source import Source
 from homofact.brdf.source_names import HELD_OUT
-from homofact.errors import BadInput, Report
+from homofact.errors import Report
 from homofact.evaluation.appearance import Appearance, appearance
 from homofact.evaluation.artefacts.look import look_for_artefacts
 from homofact.evaluation.metrics import SixErrors, measure
@@ -28,7 +28,8 @@ from homofact.methods.method import Method
 class ComparisonRow:
     """One method on one split of a source: the fit, its settings and its errors on training and held-out samples.
 
-    `appearance` has its visible errors, None if the source consists only of samples.
+    `held_out` are the errors on the split's test samples: all samples if nothing was held out. `appearance` has its
+    visible errors, None if the source consists only of samples.
     """
 
     source: str
@@ -44,6 +45,11 @@ class ComparisonRow:
     seconds_total: float
     verdict: Verdict
     appearance: Appearance | None = None
+
+    @property
+    def part(self) -> str:
+        """The name of the test samples in the record: "held_out", or "source" if the fit was made from them."""
+        return self.split.part
 
     @property
     def spends_bytes(self) -> bool:
@@ -73,7 +79,7 @@ class ComparisonRow:
             "mean": dict(zip(self.factorization.channels, self.factorization.transform.mean.tolist(), strict=True)),
             "seconds": {"read": self.seconds_read, "fit": self.seconds_fit, "total": self.seconds_total},
             "verdict": self.verdict.record(),
-            "error": {"train": self.train.record(), "held_out": self.held_out.record()},
+            "error": {"train": self.train.record(), self.part: self.held_out.record()},
             "appearance": None if self.appearance is None else self.appearance.record(),
         }
 
@@ -95,10 +101,9 @@ def fit_and_measure(
 
     The split is drawn by `split_seed`, or by `settings.seed` where that is None. A `subset` above 0 fits (and measures
     as training) at most so many samples, drawn by cells after the split (`brdf.stratified`): the held-out samples,
-    and so their errors, are the same with and without it. Raises BadInput for a part that is not between 0 and 1.
+    and so their errors, are the same with and without it. `held_out` 0 fits all samples, as `fit_split` says. Raises
+    BadInput for a part below 0 and from 1 on.
     """
-    if held_out == 0:
-        raise BadInput(where="held-out fraction", found="0", expected="between 0 and 1")
     seed = settings.seed if split_seed is None else split_seed
     return fit_split(source, Split.of(source, held_out, seed, subset), settings, progress)
 

@@ -41,12 +41,12 @@ class Reopened:
     @property
     def held_out(self) -> bool:
         """Whether errors on the split's test samples are on samples that the fit has not seen."""
-        return self.known and self.split.held_out > 0
+        return self.part == "held_out"
 
     @property
     def part(self) -> str:
         """The name of the test samples in `parts`: "held_out", or "source" where the fit may have seen them."""
-        return "held_out" if self.held_out else "source"
+        return self.split.part if self.known else "source"
 
     @property
     def training(self) -> "Samples":

@@ -88,6 +88,11 @@ class Split:
     seed: int
     subset: int = 0
 
+    @property
+    def part(self) -> str:
+        """The name of the test samples: "held_out", or "source" where nothing is held out and they are all samples."""
+        return "held_out" if self.held_out > 0 else "source"
+
     @classmethod
     def of(cls, source: Source, held_out: float, seed: int, subset: int = 0) -> "Split":
         """Return the split of a source that is open."""

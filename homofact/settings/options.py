@@ -246,6 +246,8 @@ class Declared:
             words.append(f"one of {', '.join(given.choices)}")
         if given.above is not None and given.below is not None:
             words.append(f"between {given.above:g} and {given.below:g}")
+        elif given.least is not None and given.below is not None:
+            words.append(f"at least {given.least:g} and below {given.below:g}")
         elif given.least is not None and given.most is not None:
             whole = f"a whole number from {given.least} to {given.most}"
             unit = f" {given.unit}" if given.unit else ""

@@ -29,7 +29,7 @@ from typing import TYPE_CHECKING, Any
 
 from homofact.brdf.formats.nbrdf import material_names
 from homofact.brdf.materials import MATERIALS
-from homofact.brdf.source_names import MATERIAL_PREFIX
+from homofact.brdf.source_names import HELD_OUT, MATERIAL_PREFIX
 from homofact.containers.format_names import FORMAT_NAMES
 from homofact.errors import BadInput
 from homofact.files.reading import read_toml, split_member
@@ -83,6 +83,7 @@ class SweepMethodTable:
 class SweepTable(EvaluateSettings):
     """The whole file."""
 
+    held_out: float = option(HELD_OUT, "Share of the samples held out from each fit", above=0, below=1)
     name: str | None = option(None, "The sweep's name", none="the file's")
     sources: tuple[str, ...] = required("Files, or material:NAME; * ? and [ab] match")
     seeds: tuple[int, ...] = option(

@@ -13,7 +13,6 @@ from homofact.evaluation.wording import figure
 
 # Log odds from which on a figure counts as a cause, and how many are named.
 _WORTH, _MOST = 0.5, 2
-LARGE_GAP = 2.0  # held-out error over training error: from here on the fit may be too large for its samples
 # What each figure of a quantity measures, by the figure whose words stand for both.
 _SAME = {
     "own_mended": "mended", "own_read": "apart", "own_chance": "scatter", "own_gap": "samples",
@@ -54,21 +53,22 @@ WORDS = {
 
 
 def gap_in_words(gap: float) -> str:
-    """Return the ratio of held-out to training error with the usual one, and what a large one means.
+    """Return the ratio of held-out to training error with the usual one.
 
-    The usual one is the geometric mean over the fits to right samples in the calibration.
+    A ratio of exactly 1 is of one set of samples: nothing was held out. The usual one is the geometric mean over the
+    fits to right samples in the calibration.
 
     Examples
     --------
     >>> gap_in_words(1.08)
     'held out / training 1.08 (usual: 1.4)'
     >>> gap_in_words(2.93)
-    'held out / training 2.93 (usual: 1.4; above 2 the fit may follow single samples: try smaller textures)'
+    'held out / training 2.93 (usual: 1.4)'
     """
+    if gap == 1:
+        return "nothing held out"
     mean = table().bars["right"]["albedo"].model.columns["gap"][1]
-    usual = f"usual: {math.exp(mean) - GAP_FLOOR:.2g}"
-    large = "; above 2 the fit may follow single samples: try smaller textures" if gap > LARGE_GAP else ""
-    return f"held out / training {figure(gap)} ({usual}{large})"
+    return f"held out / training {figure(gap)} (usual: {math.exp(mean) - GAP_FLOOR:.2g})"
 
 
 def causes(model: LinearModel, features: Mapping[str, float]) -> list[tuple[str, float, float]]:

@@ -13,8 +13,8 @@ from homofact.errors import Advice
 
 NAMES = (
     "status", "condition", "light", "highlight", "narrow", "explained", "positivity", "energy", "step", "reciprocity",
-    "artefact", "scatter", "epsilon", "zeros", "gamut", "clipped", "outliers", "repeated", "ring", "coverage",
-    "sampling", "determined", "azimuth",
+    "artefact", "held-out", "scatter", "epsilon", "zeros", "gamut", "clipped", "outliers", "repeated", "ring",
+    "coverage", "sampling", "determined", "azimuth",
 )  # fmt: skip
 WORTH_SAYING = 1.1  # of a cost: less is not said
 

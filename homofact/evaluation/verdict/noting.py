@@ -22,8 +22,12 @@ LARGEST_ALBEDO = 1.02
 LARGEST_ASYMMETRY = 0.05
 LEAST_ACROSS = 0.5  # texels that the half width of a highlight takes
 LARGEST_HOLES = 0.3
+LARGEST_GAP = (
+    2.0  # held-out over training error: above it fits of all samples are better (scripts/accuracy/few_rows.py)
+)
 _WORTH_A_FLOOR = 1e-3
 _WORTH_NAMING = 0.01  # a source's own floor, relative RMS
+_WORTH_PLACING = 0.02  # of the held-out light
 _SPREAD_OF_AZIMUTHS = 0.2
 _SEEN_BY_LIGHT = ("zeros", "ring", "clipped")  # findings of their own
 
@@ -141,6 +145,16 @@ def _dark(noted: Noted) -> float | None:
     return max(data.dark, data.black / 5) if data.gamut <= _ZEROS and noted.epsilon < 1 else None
 
 
+def _gap(noted: Noted) -> float | None:
+    """Held-out over training error; None if it costs next to no light, or the source can be evaluated everywhere."""
+    errors = noted.figures.errors
+    return errors.gap if noted.figures.reading is not None and errors.misplaced > _WORTH_PLACING else None
+
+
+def _nothing_held_out(noted: Noted) -> float | None:
+    return None if noted.figures.reading is None else float(noted.figures.errors.gap == 1)
+
+
 def _between(noted: Noted) -> float | None:
     return noted.figures.coverage.unresolved - (noted.figures.data.scatter or 0.0)
 
@@ -173,6 +187,10 @@ _NOTES = (
           "{value:.0%} of the variation of the {noted.whose} logarithms is not explained, expected {most:.0%};"
           " {noted.figures.errors.misplaced:.0%} of the held-out light is misplaced{noted.floor}",
           "more textures or texels, another method; or data that contradict themselves", _more_textures, "unexplained"),
+    _Note("held-out", _F, _gap, LARGEST_GAP,
+          "the error of the held-out samples is {value:.2g} times that of the others, expected at most {most:g}: the"
+          " fit lacks light that only these samples show, or follows single samples",
+          "fit all samples, with no held-out error then", _set("held_out", 0), "gap"),
     _Note("positivity", _F, lambda n: n.figures.errors.cut, 0.01,
           "{value:.0%} of the held-out light is cut at zero, expected {most:.0%}", "a larger epsilon, or more terms"),
     _Note("energy", _F, lambda n: n.figures.light.albedo if (n.figures.light.source_albedo or 1) <= LARGEST_ALBEDO
@@ -229,6 +247,9 @@ _NOTES = (
     _Note("coverage", _U, lambda n: holes(n.train)["share"] if n.train.isotropic else None, LARGEST_HOLES,
           "{value:.0%} of the pairs of directions hold no sample, expected {most:.0%}",
           "measure these angles, the fit extrapolates there", feature="unmeasured"),
+    _Note("held-out", _U, _nothing_held_out, 0,
+          "no sample was held out: errors and limits are of samples that the fit has seen",
+          "hold some out for an honest error"),
     _Note("determined", _U, lambda n: None if n.figures.system.determined is None else 1 - n.figures.system.determined,
           0.5, "{value:.0%} of the texels are determined by smoothing, not by samples, expected {most:.0%}",
           "smaller textures, fewer of them, or more samples"),
