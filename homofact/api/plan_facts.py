@@ -63,6 +63,7 @@ def _choice(each: Mapping[str, Any]) -> str:
     size = f"{counted(choice['bytes'], 'byte')}, {counted(choice['fetches'], 'fetch')}"
     used = "more than can be measured" if each["of_tolerance"] is None else part_of_limit(each["of_tolerance"])
     under = f" under {each['error_lighting']}" if each["error_lighting"] else ""
-    error = f"{WORDS[each['error_kind']]} {figure(each['error'])}{under}, {used} of the limit"
+    part = f"{used} of the limit" if each.get("trusted", True) else "within the limit, but not trusted"
+    error = f"{WORDS[each['error_kind']]} {figure(each['error'])}{under}, {part}"
     where = f"; in {each['folder']}" if each.get("folder") else ""
     return f"{'' if each['met'] else 'closest: '}{candidate.words}; {size}; {error}{where}"

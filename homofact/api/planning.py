@@ -34,7 +34,7 @@ class PlanResult:
     plan : ScenePlan
         The choice for every material, with its errors.
     verdicts : dict of Verdict
-        The verdicts on the choices, by material and choice; None for one colour.
+        The verdicts on the choices, by material and choice.
     against : ScenePlan or None
         The plan under the other lighting, if one was given.
     folders : dict or None

@@ -86,7 +86,7 @@ def render(
     light : (float, float, float), optional
         Towards a directional light: x right, y up, z to the viewer.
     environment : path, optional
-        A lat-long .hdr or .exr that replaces it.
+        A lat-long .hdr or .exr that replaces it, or the name of a built-in sky, such as "studio".
     exposure : float, optional
         Stops brighter than the automatic exposure.
     tonemap : {"filmic", "srgb"}, optional
@@ -122,8 +122,8 @@ def render(
     from homofact.brdf.channels import display_of
     from homofact.brdf.source import open_source
     from homofact.figures.sphere_picture import drawn_sphere
-    from homofact.rendering.environment import read_environment
     from homofact.rendering.light import DEFAULT_LIGHT, DirectionalLight
+    from homofact.scene.lighting import open_environment
 
     steps = ProgressSteps(progress)
     steps.stage("reading")
@@ -133,7 +133,7 @@ def render(
         opened = open_source(source, count=_FEW) if isinstance(source, str) else open_given(source)
         words, reflectance = source if isinstance(source, str) else opened.name, opened.reflectance
     if settings.environment is not None:
-        lit = read_environment(settings.environment)
+        lit = open_environment(settings.environment, "environment")
     else:
         lit = DEFAULT_LIGHT if settings.light is None else DirectionalLight(settings.light)
     steps.stage("drawing")

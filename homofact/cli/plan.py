@@ -94,12 +94,9 @@ def plan(
         if found.plot is not None:
             screen.note(f"The figure: {found.plot}")
         if write is not None and found.folders is not None:
-            from homofact.planning.export import COLOUR
-
             screen.note(f"The choices: {write}")
-            fits = [name for name in found.folders.values() if not (write / name / COLOUR).exists()]
-            if fits:
-                screen.note(f"Export one to an engine: homofact export {write / fits[0]} --to FOLDER --engine three")
+            for name in list(found.folders.values())[:1]:
+                screen.note(f"Export one to an engine: homofact export {write / name} --to FOLDER --engine three")
     if as_json:
         # With verdicts on what was chosen under the other lighting, which nothing else shows.
         screen.answer(found.record())
@@ -113,8 +110,10 @@ def _show(found: "PlanResult", screen: Screen) -> None:
     # First of all: nothing below is within the tolerance then.
     screen.show(*(Text(f"Warning: {line}.", "bold red") for line in found.warnings))
     screen.show(choice_table(plan), *([] if steps is None else [steps]), *map(Text, _reading_lines(plan)))
-    for doubts in doubt_lines(found.verdicts, found.missed):
-        screen.show(Text(doubts, "bold red"))
+    doubted = doubt_lines(found.verdicts, found.missed)
+    screen.show(*(Text(doubts, "bold red") for doubts in doubted))
+    if doubted and not plan.scene.tolerance.trusted:
+        screen.show("For choices that their verdicts trust, add trusted = true under [tolerance] of the scene.")
     screen.show("", evidence_table(plan), *map(Text, _lines(plan, found.against)))
     verdicts = [hanging(line, len("  - " if line.startswith(" ") else "  ")) for line in finding_lines(found.verdicts)]
     screen.show(*([""] if verdicts else []), *verdicts)

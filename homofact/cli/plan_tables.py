@@ -13,6 +13,9 @@ if TYPE_CHECKING:
     from homofact.planning.neighbours import Neighbour
     from homofact.planning.plan import MaterialPlan, ScenePlan
 
+# In place of the part of the limit: within it, but for its verdict.
+_UNTRUSTED = "not trusted"
+
 
 def choice_table(found: "ScenePlan") -> Table:
     """One line per material: the choice, what it costs, and the largest error over its limit.
@@ -32,7 +35,8 @@ def choice_table(found: "ScenePlan") -> Table:
         if choice is None or outcome is None:
             table.add_row(name_of(each), Text("nothing fits the budget", "bold red"), "–", "–", "–", "–")
             continue
-        used = Text(part_of_limit(outcome.error), "bold" if each.walk.met else "bold red")
+        part = part_of_limit(outcome.error) if outcome.trusted else _UNTRUSTED
+        used = Text(part, "bold" if each.walk.met else "bold red")
         under = f" under {outcome.lighting}" if several and outcome.lighting else ""
         worst = f"{WORDS[outcome.kind].removeprefix('error of ')} {figure(outcome.value)}{under}"
         words = choice.words if each.walk.met or not any(met) else f"closest: {choice.words}"
@@ -87,6 +91,8 @@ def step_table(found: "ScenePlan") -> Table | None:
 
 
 def _used(one: "Neighbour") -> str:
+    if not one.trusted:
+        return _UNTRUSTED
     return part_of_limit(one.error) if one.measured else f"about {part_of_limit(one.error)}"
 
 

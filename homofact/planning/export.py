@@ -11,6 +11,7 @@ from homofact.exporting.result import write_result
 from homofact.files.folder import check_new_folder
 from homofact.files.kinds import PLAN, is_ours
 from homofact.planning.ladder import CONSTANT, WHOLE, Candidate
+from homofact.planning.material_fits import as_texture
 from homofact.planning.plan import MaterialPlan, ScenePlan
 from homofact.planning.record import material_record, plan_record
 
@@ -26,7 +27,8 @@ def write_plan(folder: Path, plan: ScenePlan, force: bool = False) -> dict[str, 
     """Write every choice to its folder, plan.json last; the folders' names by source (and pixels, where given).
 
     A fit is written as `exporting.result` does, one of whole texels as `exporting.exported` does (PNG of 8 bits with
-    their shaders), one colour as colour.json: `f` per channel in sr⁻¹, and for lambert-9 each lighting's 9 terms.
+    their shaders), one colour as a fit of one even texture with colour.json beside it: `f` per channel in sr⁻¹, and
+    for lambert-9 each lighting's 9 terms.
     Raises BadInput as `check_plan_folder`, and for places that cannot be written.
     """
     check_plan_folder(folder, force)
@@ -56,7 +58,9 @@ def _write_choice(folder: Path, plan: MaterialPlan, choice: Candidate, force: bo
             if is_ours(entry) or entry.name == COLOUR:
                 entry.unlink()
     if plan.colour is not None:
-        folder.mkdir(parents=True, exist_ok=True)
+        # As an even texture it can be exported, rendered and shown as any other choice.
+        even = as_texture(plan.colour, plan.fits.training, plan.fits.source.default_epsilon)
+        write_result(folder, factorization=even, report=material_record(plan), force=force)
         record: dict[str, Any] = {
             "method": choice.method,
             "channels": list(plan.colour.channels),

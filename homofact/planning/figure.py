@@ -25,6 +25,7 @@ from homofact.files.atomic import replace_file
 from homofact.planning.ladder import ONE_COLOUR, WHOLE, Candidate
 from homofact.planning.neighbours import larger, smaller
 from homofact.planning.plan import MaterialPlan, ScenePlan
+from homofact.planning.search import UNTRUSTED
 from homofact.planning.tolerance import MARGINS, UNLIT, WORDS
 
 _MARKERS = {ONE_COLOUR: "o", "mccool": "s", "search": "h", "svd": "^"}
@@ -128,7 +129,8 @@ def _asked(axes: Axes, distinct: tuple[MaterialPlan, ...]) -> None:
     # The key stands above the highest point.
     log_y(axes, min(errors) / 1.8, max(errors) * (max(errors) / min(errors)) ** 0.3 * 1.8, fewest=3)
     axes.set_xlabel("bytes of one material")
-    axes.set_ylabel("error over tolerance, margin included")
+    trusted = f"; {UNTRUSTED:g} if not trusted" if distinct[0].tolerance.trusted else ""
+    axes.set_ylabel(f"error over tolerance, margin included{trusted}")
     axes.set_title("Candidates that were tried", fontsize=9.5)
     axes.spines[["top", "right"]].set_visible(False)
     axes.legend(handles=_key(drawn), loc="upper right", fontsize=8, framealpha=0.9, ncols=3)

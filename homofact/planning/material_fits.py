@@ -61,6 +61,7 @@ class MaterialFits:
     made: dict[Candidate, tuple[Fitted, Report]] = field(default_factory=dict)
     refused: dict[Candidate, str] = field(default_factory=dict)
     stored: dict[Candidate, Fitted] = field(default_factory=dict)
+    judged: dict[Candidate, Verdict] = field(default_factory=dict)
 
     @cached_property
     def source(self) -> Source:
@@ -117,10 +118,17 @@ class MaterialFits:
         return quantized(fit, self.training, method, WHOLE)
 
     def verdict(self, candidate: Candidate, colour: Lambert | None = None) -> Verdict:
-        """Return what is found against a rung, or against one `colour`.
+        """Return what is found against a rung, made on first asking, or against one `colour`.
 
         For a colour, only findings about the data and unknown ones: its errors are chosen, within the tolerance.
         """
+        if colour is not None:
+            return self._verdict(candidate, colour).without(About.FIT)
+        if candidate not in self.judged:
+            self.judged[candidate] = self._verdict(candidate, None)
+        return self.judged[candidate]
+
+    def _verdict(self, candidate: Candidate, colour: Lambert | None) -> Verdict:
         method = method_of(candidate if colour is None else _LEAST, self.options, self.source.default_epsilon)
         test = self.split.test_samples(self.source)
         if colour is None:
@@ -132,10 +140,7 @@ class MaterialFits:
         errors = measure(fit, turned, fit.transform), measure(fit, test, fit.transform)
         seen = appearance(fit, self.source)
         look = look_for_artefacts(fit, self.source)
-        verdict = judge(fit, report, method, self.training, test, errors, seen, look)
-        if colour is None:
-            return verdict
-        return verdict.without(About.FIT)
+        return judge(fit, report, method, self.training, test, errors, seen, look)
 
 
 def as_texture(colour: Lambert, training: Samples, epsilon: float) -> Factorization:
@@ -145,7 +150,7 @@ def as_texture(colour: Lambert, training: Samples, epsilon: float) -> Factorizat
     level = transform.forward(torch.tensor(colour.diffuse, dtype=torch.float64)[None] / torch.pi)[0]
     texture = level.expand(2, 2, -1).clone()
     term = Term(fixed_projection("theta_h-theta_d", True), texture, torch.ones(2, 2, dtype=torch.bool))
-    return Factorization((term,), transform, colour.channels)
+    return Factorization((term,), transform, colour.channels, {"source": training.provenance})
 
 
 def rungs_for(fits: MaterialFits, tolerance: Tolerance) -> tuple[Candidate, ...]:

@@ -50,6 +50,12 @@ def missed_words(plan: "MaterialPlan", budget: Budget, shared: bool = False) -> 
         return f"{plan.name}: no representation fits the budget"
     if plan.walk.met:
         return ""
+    outcome = plan.walk.asked[choice]
+    if not outcome.trusted:
+        return (
+            f"{plan.name}: no representation was found that meets the limits and has a trusted"
+            f" verdict{bound_by(plan, budget, shared)}; the closest, {choice.words}, meets the limits"
+        )
     limits = dict(plan.tolerance.limits)
     wanted, reached = [], []
     for used, lighting in missed_limits(plan):

@@ -27,13 +27,14 @@ class Neighbour:
     """A representation beside the choice.
 
     `error` is the part of the tolerance that it uses, margins included; `measured` tells whether it was fitted, or the
-    error is expected and `bytes` are the most that it takes.
+    error is expected and `bytes` are the most that it takes. `trusted` as in `LadderOutcome`.
     """
 
     candidate: Candidate
     bytes: int
     error: float
     measured: bool
+    trusted: bool = True
 
     def record(self) -> dict[str, Any]:
         """Return the JSON form."""
@@ -46,14 +47,14 @@ def smaller(plan: MaterialPlan) -> Neighbour | None:
     if chosen is None:
         return None
     below = [
-        (answer.error, answer.bytes, rung)
+        (answer.error, answer.bytes, rung, answer.trusted)
         for rung, answer in plan.walk.asked.items()
         if answer.bytes < chosen.bytes and math.isfinite(answer.error)
     ]
     if not below:
         return None
-    error, size, rung = min(below)
-    return Neighbour(rung, size, error, True)
+    error, size, rung, trusted = min(below)
+    return Neighbour(rung, size, error, True, trusted)
 
 
 def larger(plan: MaterialPlan) -> Neighbour | None:
@@ -63,7 +64,7 @@ def larger(plan: MaterialPlan) -> Neighbour | None:
         return None
     asked, channels = plan.walk.asked, len(plan.fits.source.samples.channels)
     above = [
-        Neighbour(rung, answer.bytes, answer.error, True)
+        Neighbour(rung, answer.bytes, answer.error, True, answer.trusted)
         for rung, answer in asked.items()
         if answer.bytes > chosen.bytes and answer.error < chosen.error
     ]
@@ -94,7 +95,7 @@ def best_larger(plan: MaterialPlan) -> Neighbour | None:
         return None
     asked, channels = plan.walk.asked, len(plan.fits.source.samples.channels)
     tried = [
-        Neighbour(rung, answer.bytes, answer.error, True)
+        Neighbour(rung, answer.bytes, answer.error, True, answer.trusted)
         for rung, answer in asked.items()
         if answer.bytes > chosen.bytes and math.isfinite(answer.error)
     ]
@@ -117,7 +118,7 @@ def sufficient(plan: MaterialPlan) -> Neighbour | None:
     if chosen is None or plan.walk.met:
         return None
     enough = [
-        Neighbour(rung, answer.bytes, answer.error, True)
+        Neighbour(rung, answer.bytes, answer.error, True, answer.trusted)
         for rung, answer in plan.walk.asked.items()
         if answer.bytes > chosen.bytes and answer.error <= 1
     ]

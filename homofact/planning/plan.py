@@ -22,7 +22,7 @@ from homofact.planning.material_fits import MaterialFits, rungs_for
 from homofact.planning.measure import RepresentationEvaluator, best_colour
 from homofact.planning.missed import missed_words
 from homofact.planning.scene import Budget, Scene, SceneMaterial
-from homofact.planning.search import LadderOutcome, Walk, walk
+from homofact.planning.search import UNTRUSTED, LadderOutcome, Walk, walk
 from homofact.planning.stage import Stage
 from homofact.planning.theory import order_needed
 from homofact.planning.tolerance import UNLIT, Errors, Tolerance
@@ -163,8 +163,12 @@ class ScenePlan:
 def outcome_of(
     candidate: Candidate, fits: MaterialFits, judges: tuple[RepresentationEvaluator, ...], tolerance: Tolerance
 ) -> LadderOutcome:
-    """Fit a rung where it needs one, and measure it under each lighting."""
+    """Fit a rung where it needs one, and measure it under each lighting.
+
+    A representation within all limits is judged too if the tolerance asks for a trusted one.
+    """
     samples = fits.source.samples
+    model = None
     if candidate.is_colour:
         model = best_colour(judges, tolerance.of_light)
         cost = model.nbytes, 0, 0
@@ -183,7 +187,10 @@ def outcome_of(
     worst = max(range(len(used)), key=lambda k: used[k].ratio)
     most = used[worst]
     where = "" if most.kind in UNLIT else judges[worst].lighting.name
-    return LadderOutcome(most.ratio, *cost, most.kind, most.error, where)
+    trusted = True
+    if tolerance.trusted and most.ratio <= 1:
+        trusted = fits.verdict(candidate, model).trusted
+    return LadderOutcome(most.ratio if trusted else UNTRUSTED, *cost, most.kind, most.error, where, trusted)
 
 
 def plan_material(

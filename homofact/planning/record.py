@@ -18,7 +18,7 @@ def plan_record(plan: ScenePlan) -> dict[str, Any]:
     return {
         "scene": plan.scene.name,
         "seed": plan.scene.seed,
-        "tolerance": dict(plan.scene.tolerance.limits),
+        "tolerance": plan.scene.tolerance.record(),
         "margins": {kind: MARGINS[kind] for kind in plan.scene.tolerance.kinds},
         "budget": vars(plan.scene.budget) | {"shared_out": plan.allocated},
         "lightings": [
@@ -62,6 +62,7 @@ def material_record(plan: MaterialPlan) -> dict[str, Any]:
         "error": None if outcome is None else finite(outcome.value),
         "error_kind": None if outcome is None else outcome.kind,
         "error_lighting": None if outcome is None else outcome.lighting,
+        "trusted": None if outcome is None else outcome.trusted,
         "of_tolerance": None if outcome is None else finite(outcome.error),
         "missed_by": finite(plan.missed_by),
         "smaller": None if (one := smaller(plan)) is None else one.record(),

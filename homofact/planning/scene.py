@@ -18,6 +18,7 @@ delta_e_p95 = 5.0                  # its 95th percentile
 delta_e_peak = 10.0                # its greatest value
 reflected = 0.02                   # relative error of the reflected light
 delta_e_study = 0.9                # mean CIEDE2000 under the light of the study of opinions, whatever the lighting
+trusted = true                     # optional, beside a limit: the verdict must trust the choice. Default: false
 [budget]                           # optional
 bytes = 50000                      # of all materials together
 fetches = 4                        # of one evaluation, at most
@@ -30,7 +31,7 @@ from typing import Any
 
 from homofact.errors import BadInput
 from homofact.files.reading import read_toml
-from homofact.planning.tolerance import Tolerance
+from homofact.planning.tolerance import KINDS, Tolerance
 from homofact.rendering.environment import read_environment
 from homofact.rendering.light import DirectionalLight
 from homofact.scene.lighting import Lighting, named_lighting
@@ -104,7 +105,7 @@ class _LightingTable:
 
 @dataclass(frozen=True)
 class _ToleranceTable:
-    """[tolerance] as written in the file; its keys are `plan.tolerance.KINDS`."""
+    """[tolerance] as written in the file; its keys are `plan.tolerance.KINDS`, and `trusted`."""
 
     cole: float | None = option(None, "Mean squared error of logarithms", above=0)
     delta_e: float | None = option(None, "Mean CIEDE2000 of the lit sphere", above=0)
@@ -113,9 +114,16 @@ class _ToleranceTable:
     reflected: float | None = option(None, "Relative error of the reflected light", above=0)
     delta_e_study: float | None = option(None, "Mean CIEDE2000 under the light of the study of opinions", above=0)
 
+    trusted: bool = option(False, "Whether the verdict must trust the choice")
+
     def __post_init__(self) -> None:
-        if not _given(self):
-            raise BadInput(found="none", expected=f"at least one of {', '.join(key.name for key in fields(self))}")
+        if not self.limits:
+            raise BadInput(found="no limit", expected=f"at least one of {', '.join(KINDS)}")
+
+    @property
+    def limits(self) -> dict[str, float]:
+        """The limits that are given, by kind."""
+        return {kind: limit for kind, limit in _given(self).items() if kind in KINDS}
 
 
 @dataclass(frozen=True)
@@ -157,7 +165,7 @@ def read_scene(path: str | Path) -> Scene:
                 for place, material in enumerate(scene.material)
             ),
             tuple(_lighting(table, file.parent) for table in tables),
-            Tolerance(tuple(_given(scene.tolerance).items())),
+            Tolerance.of(**scene.tolerance.limits, trusted=scene.tolerance.trusted),
             scene.budget,
             scene.seed,
         )

@@ -26,6 +26,8 @@ DOUBT = 0.05
 BEST_PART = 0.2
 # ... and this part where the best so far misses it by less than NEAR.
 NEAR_PART, NEAR = 1.0, 1.05
+# The error of a rung within the limits whose verdict does not trust it: larger rungs are asked about next.
+UNTRUSTED = 1.5
 # Standard deviations of the material's level, a method's own, the slopes, the shared remainder, and the rest.
 LEVEL, OWN, SLOPES, SHARED, REST = 2.0, 0.7, (0.2, 0.3), 0.5, 0.5
 # How much of the rest the storages of one fit do not share, and by how much the log error of whole texels is larger.
@@ -40,7 +42,8 @@ class LadderOutcome:
     """What asking a rung brought: its error, bytes and fetches, and how many textures it came out with.
 
     For several limits and lightings, `error` is the largest error relative to its limit; `kind` and `lighting` name
-    it, and `value` is the error itself.
+    it, and `value` is the error itself. A rung that meets all limits but is not `trusted`, where it must be, counts as
+    one of the error `UNTRUSTED`.
     """
 
     error: float
@@ -50,6 +53,7 @@ class LadderOutcome:
     kind: str = ""
     value: float = math.nan
     lighting: str = ""
+    trusted: bool = True
 
 
 @dataclass

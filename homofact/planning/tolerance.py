@@ -72,9 +72,10 @@ class Used:
 
 @dataclass(frozen=True)
 class Tolerance:
-    """(kind, limit) pairs, one or more, all of which are to be met."""
+    """(kind, limit) pairs, one or more, all to be met; `trusted` if the verdict must trust the choice too."""
 
     limits: tuple[tuple[str, float], ...]
+    trusted: bool = False
 
     @classmethod
     def named(cls, name: str) -> "Tolerance":
@@ -87,9 +88,9 @@ class Tolerance:
         return cls.of(delta_e_study=float(f"{opinion_table().law.unseen:.3g}"))
 
     @classmethod
-    def of(cls, **limits: float) -> "Tolerance":
+    def of(cls, *, trusted: bool = False, **limits: float) -> "Tolerance":
         """By name: Tolerance.of(delta_e=1, delta_e_peak=10)."""
-        return cls(tuple(limits.items()))
+        return cls(tuple(limits.items()), trusted)
 
     @property
     def kinds(self) -> tuple[str, ...]:
@@ -113,4 +114,9 @@ class Tolerance:
 
     def describe(self) -> str:
         """In words: "mean ΔE at most 1 and largest ΔE at most 10"."""
-        return " and ".join(f"{WORDS[kind]} at most {limit:g}" for kind, limit in self.limits)
+        limits = [f"{WORDS[kind]} at most {limit:g}" for kind, limit in self.limits]
+        return " and ".join([*limits, *(["a trusted verdict"] if self.trusted else [])])
+
+    def record(self) -> dict[str, float | bool]:
+        """Return the JSON form, which `of` takes."""
+        return dict(self.limits) | ({"trusted": True} if self.trusted else {})

@@ -209,14 +209,17 @@ def named_environment(name: str) -> EnvironmentMap:
     return maps[name]
 
 
-def open_environment(place: str | Path) -> EnvironmentMap:
-    """Return a named lighting that is a map, or the map in a .hdr or .exr file. Raises BadInput for neither."""
+def open_environment(place: str | Path, where: str = "light") -> EnvironmentMap:
+    """Return a named lighting that is a map, or the map in a .hdr or .exr file.
+
+    Raises BadInput, at `where`, for neither.
+    """
     if Path(place).suffix or Path(place).is_file():
         return read_environment(place)
     try:
         return named_environment(str(place))
     except BadInput as error:
-        raise error.at("light") from error
+        raise error.at(where) from error
 
 
 def _sky(ground: float, level: Callable[[Tensor], Tensor], name: str) -> EnvironmentMap:

@@ -50,7 +50,8 @@ def noise_of(reflectance: Reflectance, density: Density, wo: Tensor) -> tuple[fl
     if not mean > 0:
         return 0.0, float((densities * angles).sum())
     second = float((value**2 / densities.clamp_min(1e-300) * angles).sum())
-    return second / mean**2 - 1, float((densities * angles).sum())
+    # The sums of an even density round to just below 1.
+    return max(second / mean**2 - 1, 0.0), float((densities * angles).sum())
 
 
 def albedo_of(reflectance: Reflectance, wo: Tensor) -> float:

@@ -32,6 +32,14 @@ def test_a_scene_is_read(tmp_path: Path) -> None:
     assert found.materials == (SceneMaterial("material:phong-30", 1.0),)
 
 
+def test_a_trusted_verdict_is_asked_for_beside_limits(tmp_path: Path) -> None:
+    file = tmp_path / "shop.toml"
+    file.write_text(SCENE + "trusted = true\n")
+    assert read_scene(file).tolerance == Tolerance.of(reflected=0.1, trusted=True)
+    file.write_text(SCENE + "trusted = false\n")
+    assert read_scene(file).tolerance == Tolerance.of(reflected=0.1)
+
+
 def test_several_lightings_and_limits_and_a_distance(tmp_path: Path) -> None:
     file = tmp_path / "shop.toml"
     text = SCENE.replace("share = 1", "share = 1\npixels = 40").replace(
@@ -47,6 +55,8 @@ def test_several_lightings_and_limits_and_a_distance(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
+        ("reflected = 0.1", "trusted = true", "tolerance: found no limit, expected at least one of cole, delta_e"),
+        ("reflected = 0.1", "reflected = 0.1\ntrusted = 1", "tolerance.trusted: found 1, expected true or false"),
         ("share = 1", "share = 0.7", "the shares add up to 0.7, expected 1"),
         ("share = 1", "share = 0", r"material\[0\].share: found 0, expected a number above 0 and at most 1"),
         ("share = 1", 'share = "all"', "share: found the string 'all', expected a number"),
@@ -74,7 +84,7 @@ def test_several_lightings_and_limits_and_a_distance(tmp_path: Path) -> None:
             r"tolerance.delta_e_peek: unknown key \(nearest: tolerance.delta_e_peak\)",
         ),
         ("reflected = 0.1", "delta_e_p95 = -1", "tolerance.delta_e_p95: found -1, expected a number above 0"),
-        ("reflected = 0.1", "", "tolerance: found none, expected at least one of cole, delta_e, delta_e_p95"),
+        ("reflected = 0.1", "", "tolerance: found no limit, expected at least one of cole, delta_e, delta_e_p95"),
         ("share = 1", "share = 1\npixels = 1", r"material\[0\].pixels: found 1, expected a whole number from 2"),
         ("share = 1", "share = 1\npixels = 3.5", r"material\[0\].pixels: found 3.5, expected a whole number"),
         (
