@@ -61,7 +61,7 @@ class SourceComparison:
                     MeasuredFit(
                         self.source.name, label, row.settings.seed, fit.nbytes, fit.fetches, values,
                         fit.transform.epsilon, row.samples, held_out, row.verdict.figures.light.reciprocity,
-                        settings_in_words(row.settings),
+                        settings_in_words(row.settings), row.settings.bytes,
                     )
                 )  # fmt: skip
         return found

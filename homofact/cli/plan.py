@@ -12,6 +12,7 @@ from homofact.cli.layout import hanging
 from homofact.cli.plan_relight import choice_table as transport_table
 from homofact.cli.plan_tables import choice_table, evidence_table, fetches_in_words, step_table
 from homofact.cli.screen import Screen
+from homofact.cli.tables import identical_grade
 from homofact.cli.verdicts import brief_lines, names_of, noted, strictness
 from homofact.evaluation.wording import listed, part_of_limit
 from homofact.planning.settings import PlanSettings
@@ -184,8 +185,10 @@ def grade_lines(opinions: "Sequence[tuple[str, Opinion | None]]") -> list[str]:
     lines = []
     if graded:
         grades = ", ".join(f"{name} {each.score:.1f} ({each.low:.1f} to {each.high:.1f})" for name, each in graded)
-        best = f"{graded[0][1].best:.1f}"
-        lines.append(f"Grades that people are expected to give, 1 to 5, identical pictures {best}: {grades}.")
+        lines.append(
+            f"Grades that people are expected to give, 1 to 5 (in brackets 90% of studies), identical pictures"
+            f" {identical_grade()}: {grades}."
+        )
     without = [name for name, each in opinions if each is None]
     if without:
         whose = "its" if len(without) == 1 else "their"
@@ -205,8 +208,8 @@ def _lines(found: "ScenePlan", other: "ScenePlan | None") -> list[str]:
     for each in found.distinct:
         if each.highlight_pixels is not None:
             lines.append(
-                f"{each.name} at {each.material.pixels} pixels: its highlight covers"
-                f" {each.highlight_pixels:.2g} pixels."
+                f"{each.name}, an object {each.material.pixels} pixels wide: its highlight is about"
+                f" {each.highlight_pixels:.2g} pixels wide."
             )
     lines += grade_lines([(each.name, each.opinion) for each in found.distinct if each.errors])
     if "cole" in found.scene.tolerance.kinds and not found.scene.tolerance.of_light:

@@ -99,6 +99,15 @@ def chart_grades(records: Sequence[Mapping[str, Any]]) -> list[Table]:
     return [] if table is None else [table]
 
 
+def identical_grade() -> str:
+    """Return the grade that is expected of identical pictures with its 90% interval: "4.4 (3.8 to 4.8)"."""
+    from homofact.evaluation.opinion import opinion_table
+
+    law = opinion_table().law
+    best = law.opinion(0).score
+    return f"{best:.1f} ({{:.1f}} to {{:.1f}})".format(*law.interval(best))
+
+
 def grade_table(scores: Mapping[str, float]) -> Table | None:
     """Expected grades by label, with their 90% intervals; None where there are none."""
     if not scores:
@@ -108,7 +117,7 @@ def grade_table(scores: Mapping[str, float]) -> Table | None:
     law = opinion_table().law
     table = plain_table(
         "By people (expected mean grade of 30 people who compare pictures of fit and source, 1 very poor to"
-        f" 5 excellent; identical pictures get {law.opinion(0).score:.1f})"
+        f" 5 excellent; identical pictures get {identical_grade()})"
     )
     add_names(table)
     add_figures(table, "grade", "90% interval")

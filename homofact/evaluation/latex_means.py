@@ -33,7 +33,8 @@ _DECADES = 4
 
 
 def latex_of(fits: Sequence[MeasuredFit], by_source: bool = False) -> str:
-    """Return a tabular for booktabs over all fits: a line per method and bytes, a column per metric with its unit.
+    """Return a tabular for booktabs over all fits: a line per method and bytes with its fetches, a column per metric
+    with its unit.
 
     With `by_source`, the lines of each source come first, below its name, and those over all sources last. The numbers
     of a column that are not readable without have one power of ten, in its head, where one serves them. A line below
@@ -52,14 +53,14 @@ def latex_of(fits: Sequence[MeasuredFit], by_source: bool = False) -> str:
         f"% homofact {__version__}: mean and standard deviation over the fits to {of}, on held-out samples.",
         *(f"% {_comment(line)}" for line in (*sources_in_words(fits), *methods_in_words(fits), *_unspread(every))),
         r"% \usepackage{booktabs}",
-        rf"\begin{{tabular}}{{l{'r' * (len(metrics) + 2)}}}",
+        rf"\begin{{tabular}}{{l{'r' * (len(metrics) + 3)}}}",
         r"\toprule",
-        " & ".join(["Method", "Bytes", "Fits", *heads]) + r" \\",
+        " & ".join(["Method", "Bytes", "Fetches", "Fits", *heads]) + r" \\",
         r"\midrule",
         *_grouped(groups, rows[0], powers),
         *(_line(row, powers) for row in rows),
         r"\bottomrule",
-        *_marked(fits, len(metrics) + 3),
+        *_marked(fits, len(metrics) + 4),
         r"\end{tabular}",
     ]
     return "\n".join(lines) + "\n"
@@ -92,7 +93,7 @@ def _marked(fits: Sequence[MeasuredFit], columns: int) -> list[str]:
 
 
 def _across(words: str, row: MeanRow) -> str:
-    return rf"\multicolumn{{{len(row.spreads) + 3}}}{{l}}{{{words}}} \\"
+    return rf"\multicolumn{{{len(row.spreads) + 4}}}{{l}}{{{words}}} \\"
 
 
 def methods_in_words(fits: Sequence[MeasuredFit]) -> list[str]:
@@ -165,7 +166,7 @@ def sources_in_words(fits: Sequence[MeasuredFit]) -> list[str]:
 def _line(row: MeanRow, powers: Mapping[str, int | None]) -> str:
     mark = f"$^{{{_MARK.strip('$')}}}$" if row.not_reciprocal else ""
     numbers = (_cell(spread, powers[name]) for name, spread in row.spreads.items())
-    cells = [escaped(_method(row.method)) + mark, str(row.nbytes), str(row.fits), *numbers]
+    cells = [escaped(_method(row.method)) + mark, str(row.nbytes), str(row.fetches), str(row.fits), *numbers]
     return " & ".join(cells) + r" \\"
 
 

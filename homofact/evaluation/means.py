@@ -1,7 +1,8 @@
 """Methods over several sources and seeds in one table, for a paper: means and standard deviations, as CSV and LaTeX.
 
 Fits are gathered by method and bytes, since an error is only to be compared at equal bytes: a method whose fits to some
-sources take fewer bytes has several rows. The standard deviation is that of a sample (n − 1), over all fits of a row.
+sources take fewer bytes has several rows. Fits that were to take so many bytes count as equal, though they fill them
+differently; their row has the bytes and fetches of the largest. The standard deviation is that of a sample (n − 1), over all fits of a row.
 """
 
 from collections.abc import Mapping, Sequence
@@ -32,8 +33,8 @@ class MeasuredFit:
     """One fit: what it is of and by, its bytes and fetches, and its metrics' numbers by name, None for no number.
 
     `epsilon` is that of its log transform, `samples` how many the source has, `held_out` how many of them the numbers
-    are from. `swapped` is the share of the fit's light that changes where light and viewer are swapped, and `settings`
-    are those of its method in words.
+    are from. `swapped` is the share of the fit's light that changes where light and viewer are swapped, `settings`
+    are those of its method in words, and `asked` is the number of bytes that it was given to fill.
     """
 
     source: str
@@ -47,6 +48,12 @@ class MeasuredFit:
     held_out: int
     swapped: float = 0.0
     settings: str = ""
+    asked: int | None = None
+
+    @property
+    def group(self) -> tuple[str, int]:
+        """The method and the bytes by which fits are gathered."""
+        return self.method, self.nbytes if self.asked is None else self.asked
 
     @property
     def is_reciprocal(self) -> bool:
@@ -114,8 +121,9 @@ def mean_rows(fits: Sequence[MeasuredFit], source: str = "") -> list[MeanRow]:
     own = [fit for fit in fits if source in ("", fit.source)]
     rows = []
     for method in dict.fromkeys(fit.method for fit in own):
-        for nbytes in sorted({fit.nbytes for fit in own if fit.method == method}):
-            some = [fit for fit in own if (fit.method, fit.nbytes) == (method, nbytes)]
+        for group in sorted({fit.group for fit in own if fit.method == method}):
+            some = [fit for fit in own if fit.group == group]
+            nbytes = max(fit.nbytes for fit in some)
             spreads = {name: _spread([fit.values[name] for fit in some]) for name in some[0].values}
             sources, fetches = len({fit.source for fit in some}), max(fit.fetches for fit in some)
             epsilons = {fit.epsilon for fit in some}

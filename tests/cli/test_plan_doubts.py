@@ -4,6 +4,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from homofact.cli.plan import doubt_lines, grade_lines
+from homofact.cli.tables import identical_grade
 from homofact.evaluation.opinion import opinion_table
 
 
@@ -35,7 +36,10 @@ def test_grades_name_what_could_not_be_graded() -> None:
     good = opinion_table().law.opinion(0.5)
     assert grade_lines([]) == []
     (only,) = grade_lines([("paint", good)])
-    assert only.startswith("Grades that people are expected to give, 1 to 5, identical pictures ")
+    assert only.startswith("Grades that people are expected to give, 1 to 5 (")
+    assert f"identical pictures {identical_grade()}: paint " in only
+    low, high = opinion_table().law.interval(opinion_table().law.opinion(0).score)
+    assert identical_grade().endswith(f"({low:.1f} to {high:.1f})")
     assert "paint" in only
     grades, without = grade_lines([("gonio", None), ("paint", good), ("flake", None)])
     assert grades == only

@@ -57,6 +57,17 @@ def test_fits_are_gathered_by_method_and_bytes() -> None:
     assert [row.fits for row in mean_rows(FITS, "clay")] == [1, 1, 1]
 
 
+def test_fits_of_as_many_asked_bytes_are_one_row_with_the_largest() -> None:
+    sizes = ((6132, 2), (6120, 3), (6144, 1))
+    fits = [replace(fit("paint", "search", k, n, 0.1), asked=6144, fetches=f) for k, (n, f) in enumerate(sizes)]
+    (row,) = mean_rows(fits)
+    assert (row.nbytes, row.fetches, row.fits) == (6144, 3, 3)
+    other = replace(fit("paint", "search", 0, 3060, 0.1), asked=3072)
+    assert [each.nbytes for each in mean_rows([*fits, other])] == [3060, 6144]
+    # Bytes that were not asked for are told apart.
+    assert len(mean_rows([replace(one, asked=None) for one in fits])) == 3
+
+
 @pytest.mark.parametrize(
     ("mean", "deviation", "expected"),
     [
@@ -136,14 +147,16 @@ def test_the_latex_is_what_a_parser_of_latex_reads() -> None:
     latex = latex_of([*FITS, fit("paint", HOSTILE, 0, 10, 1.5e-5)])
     head, small, large, mccool, hostile = cells(latex)
     # 0.7 and 1.5e-5 in one column: the head has the power of ten of both.
-    assert [cell.replace(" ", "") for cell in head[:4]] == ["Method", "Bytes", "Fits", "LogMSE(10^-3)"]
-    assert [cell.replace(" ", "") for cell in head[4:]] == ["MAE(sr^-1)", "PSNR(dB)"]
-    assert small == ["Search", "3072", "1", "700", "0.500", "30.0"]
-    assert [cell.replace(" ", "") for cell in large] == ["Search", "6144", "3", "200±100", "0.500±0", "30.0±0"]
-    assert [cell.strip() for cell in mccool[3:]] == ["–", "0.500 ± 0", "∞"]
+    assert [cell.replace(" ", "") for cell in head[:5]] == [
+        "Method", "Bytes", "Fetches", "Fits", "LogMSE(10^-3)",
+    ]  # fmt: skip
+    assert [cell.replace(" ", "") for cell in head[5:]] == ["MAE(sr^-1)", "PSNR(dB)"]
+    assert small == ["Search", "3072", "3", "1", "700", "0.500", "30.0"]
+    assert [cell.replace(" ", "") for cell in large] == ["Search", "6144", "3", "3", "200±100", "0.500±0", "30.0±0"]
+    assert [cell.strip() for cell in mccool[4:]] == ["–", "0.500 ± 0", "∞"]
     assert hostile[0].replace("ˆ", "^").replace(" ", "") == HOSTILE.replace(" ", "")
-    assert hostile[3].replace(" ", "") == "0.0150"
-    assert r"\begin{tabular}{lrrrrr}" in latex
+    assert hostile[4].replace(" ", "") == "0.0150"
+    assert r"\begin{tabular}{lrrrrrr}" in latex
     assert latex.splitlines()[0].endswith("2 sources and 2 seeds (0, 1), on held-out samples.")
 
 
@@ -160,7 +173,7 @@ def test_a_column_has_a_power_of_ten_only_where_its_numbers_need_one(
     means: tuple[float, float], head: str, both: str
 ) -> None:
     first, row = cells(latex_of([fit("paint", "search", seed, 4, mean) for seed, mean in enumerate(means)]))
-    assert (first[3].replace(" ", ""), row[3].strip()) == (head, both)
+    assert (first[4].replace(" ", ""), row[4].strip()) == (head, both)
 
 
 @pytest.mark.parametrize("name", ALL_METHODS)
@@ -213,7 +226,7 @@ def test_seeds_that_are_none_are_refused(text: str) -> None:
 def test_numbers_of_a_column_have_one_power_of_ten() -> None:
     def column(*values: float) -> tuple[str, list[str]]:
         head, *rows = cells(latex_of([fit("paint", f"m{k}", 0, 4, value) for k, value in enumerate(values)]))
-        return head[3].replace(" ", ""), [row[3].replace(" ", "") for row in rows]
+        return head[4].replace(" ", ""), [row[4].replace(" ", "") for row in rows]
 
     assert column(0.5, 0.00123) == ("LogMSE", ["0.500", "0.00123"])
     assert column(1.23e-5, 4.56e-6) == ("LogMSE(10^-6)", ["12.3", "4.56"])
@@ -223,14 +236,14 @@ def test_numbers_of_a_column_have_one_power_of_ten() -> None:
     assert column(1e-6, 0.5) == ("LogMSE", ["1.00×10^-6", "5.00×10^-1"])
     # The unit stands beside the power.
     (head, _) = cells(latex_of([replace(FITS[0], values={"mae": 1e-5})]))
-    assert head[3].replace(" ", "") == "MAE(10^-5sr^-1)"
+    assert head[4].replace(" ", "") == "MAE(10^-5sr^-1)"
 
 
 def test_rows_of_sources_share_the_powers_of_the_whole_table() -> None:
     small = [fit("paint", "search", 0, 4, 1e-5), fit("clay", "search", 0, 4, 3e-5)]
     latex = latex_of(small, by_source=True)
     assert latex.count("times 10^") == 0
-    assert [line.split(" & ")[3] for line in latex.splitlines() if line.startswith("Search")] == [
+    assert [line.split(" & ")[4] for line in latex.splitlines() if line.startswith("Search")] == [
         "$1.00$", "$3.00$", r"$2.0 \pm 1.4$",
     ]  # fmt: skip
 
@@ -242,7 +255,7 @@ def test_fits_that_are_not_reciprocal_are_marked() -> None:
     assert lines[3] == "% search: textures 2, size 16, effort normal; 1 of 4 fits not reciprocal"
     rows = [line for line in lines if line.startswith(("Search", "McCool"))]
     assert [r"$^{\dagger}$" in row for row in rows] == [False, True, False]
-    assert lines[-2].startswith(r"\multicolumn{6}{l}{")
+    assert lines[-2].startswith(r"\multicolumn{7}{l}{")
     assert r"changes up to 4\% of the light." in lines[-2]
     assert lines[-3] == r"\bottomrule"
     # Rounding is no lack of reciprocity.
