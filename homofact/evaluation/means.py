@@ -2,7 +2,8 @@
 
 Fits are gathered by method and bytes, since an error is only to be compared at equal bytes: a method whose fits to some
 sources take fewer bytes has several rows. Fits that were to take so many bytes count as equal, though they fill them
-differently; their row has the bytes and fetches of the largest. The standard deviation is that of a sample (n − 1), over all fits of a row.
+differently; their row has the bytes and fetches of the largest. The standard deviation is that of a sample (n − 1),
+over all fits of a row.
 """
 
 from collections.abc import Mapping, Sequence
