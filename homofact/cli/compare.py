@@ -46,8 +46,10 @@ def compare(
     """Fit several methods to the same samples and print their errors and costs.
 
     For several sources, and with --csv or --latex, it gives means and
-    standard deviations over sources and seeds, by method and bytes. After
-    Ctrl-C it prints the finished comparisons and exits with code 130.
+    standard deviations over sources and seeds, by method and bytes. With
+    --bytes, search fills them, mccool and cole get the largest size within
+    them, and other methods keep their size. After Ctrl-C it prints the
+    finished comparisons and exits with code 130.
 
     With --chart it runs methods × textures × sizes × searches: each SOURCE
     gets NAME.csv with every run, NAME_time (error against fitting time) and

@@ -3,8 +3,9 @@
 This module loads neither torch nor numpy, so errors in settings are reported before these libraries load.
 """
 
+import math
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import Any
 
 from homofact.errors import BadInput
@@ -22,6 +23,7 @@ METHODS: dict[str, type[Method]] = {method.name: method for method in (Search, C
 # They have no textures and are there to be compared.
 MODELS_BY_NAME: dict[str, type[Method]] = {method.name: method for method in MODELS}
 ALL_METHODS = METHODS | MODELS_BY_NAME
+_RGB_TEXEL, _LEAST_SIZE = 12, 2
 
 
 def method_class(name: str) -> type[Method]:
@@ -74,20 +76,47 @@ def made(label: str, settings: Mapping[str, Any]) -> Method:
 def made_each(labels: Iterable[str], settings: Mapping[str, Any]) -> dict[str, Method]:
     """Return the methods of several labels, each with those of the settings that it has.
 
-    Raises BadInput for a setting that none of them has.
+    If `bytes` are given, every method gets them as `with_bytes` says, so that methods are compared at equal bytes.
+    Raises BadInput for a setting that none of them has, and for too few bytes.
     """
     names = {label: parsed_label(label)[0] for label in labels}
     _refuse_strangers(settings, list(names.values()))
-    return {label: _built(label, _own(name, settings)) for label, name in names.items()}
+    found = {label: _built(label, _own(name, settings)) for label, name in names.items()}
+    count = settings.get("bytes")
+    return found if count is None else {label: with_bytes(one, count) or one for label, one in found.items()}
+
+
+def with_bytes(method: Method, count: int) -> Method | None:
+    """Return the method with so many bytes of textures to spend, None for one that cannot be given any.
+
+    A search spends them itself; McCool's and Cole's textures get the largest size within them. Raises BadInput where
+    they are too few.
+    """
+    if isinstance(method, Search):
+        return replace(method, bytes=count)
+    if not isinstance(method, McCool | Cole):
+        return None
+    size = math.isqrt(count // (_RGB_TEXEL * method.most_textures))
+    if size < _LEAST_SIZE:
+        wanted = f"enough for {method.most_textures} textures of {_LEAST_SIZE} x {_LEAST_SIZE} texels"
+        raise BadInput(where="bytes", found=count, expected=wanted)
+    return replace(method, size=size)
 
 
 def mccool_like(method: Method) -> McCool:
-    """Return McCool's own factorization with the settings that `method` shares with it, to be set beside it."""
+    """Return McCool's own factorization with the settings that `method` shares with it, to be set beside it.
+
+    It has as many bytes as a method that was given bytes, and textures of 2 x 2 texels at least.
+    """
     shared: dict[str, Any] = {
         name: value for name, value in _own(McCool.name, vars(method)).items() if value is not None
     }
     shared["projections"] = MCCOOL
-    return McCool(**shared)
+    baseline = McCool(**shared)
+    if method.bytes is None:
+        return baseline
+    least = _RGB_TEXEL * baseline.most_textures * _LEAST_SIZE**2
+    return replace(baseline, size=math.isqrt(max(method.bytes, least) // (_RGB_TEXEL * baseline.most_textures)))
 
 
 def _built(label: str, settings: Mapping[str, Any]) -> Method:

@@ -20,7 +20,6 @@ the bytes. Other methods are fitted once, unchanged.
 """
 
 import glob
-import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from fnmatch import fnmatchcase
@@ -33,10 +32,7 @@ from homofact.brdf.source_names import HELD_OUT, MATERIAL_PREFIX
 from homofact.containers.format_names import FORMAT_NAMES
 from homofact.errors import BadInput
 from homofact.files.reading import read_toml, split_member
-from homofact.methods.cole import Cole
-from homofact.methods.mccool import McCool
-from homofact.methods.search import Search
-from homofact.methods.table import made
+from homofact.methods.table import made, with_bytes
 from homofact.sections import EvaluateSettings, SourceSettings
 from homofact.settings.kinds import SWEEP, check_kind
 from homofact.settings.options import MOST_SEED, none_twice, option, required
@@ -45,7 +41,6 @@ from homofact.settings.tables import read_table
 if TYPE_CHECKING:
     from homofact.methods.method import Method
 
-_RGB_TEXEL = 12
 _PATTERN = set("*?[")
 
 
@@ -131,22 +126,6 @@ class AskedSweep:
             sized = [(f"{label}, {count} B", each) for count in self.budgets if (each := with_bytes(method, count))]
             found += sized or [(label, method)]
         return [(label, replace(method, seed=seed)) for label, method in found for seed in self.seeds]
-
-
-def with_bytes(method: "Method", count: int) -> "Method | None":
-    """Return the method with so many bytes of textures to spend, None for one that cannot be given any.
-
-    Raises BadInput where they are too few.
-    """
-    if isinstance(method, Search):
-        return replace(method, bytes=count)
-    if not isinstance(method, McCool | Cole):
-        return None
-    size = math.isqrt(count // (_RGB_TEXEL * method.most_textures))
-    if size < 2:
-        wanted = f"enough for {method.most_textures} textures of 2 x 2 texels"
-        raise BadInput(where="bytes", found=count, expected=wanted)
-    return replace(method, size=size)
 
 
 def read_sweep(path: str | Path) -> AskedSweep:

@@ -19,7 +19,7 @@ from homofact.factor.factorization import Factorization
 from homofact.factor.fitted import Fitted
 from homofact.geometry.directions import draw_uniform
 from homofact.methods.method import Method
-from homofact.methods.table import ALL_METHODS, METHODS, mccool_like, methods_with
+from homofact.methods.table import ALL_METHODS, METHODS, made_each, mccool_like, methods_with
 from homofact.separable.separable import Separable
 
 FAST: dict[str, Any] = {"size": 5, "restarts": 1, "search_size": 4, "search_samples": 100, "copies": 2, "effort": 20}
@@ -192,6 +192,9 @@ def test_mccools_own_factorization_has_what_a_method_shares_with_it() -> None:
     search = homofact.Search(size=9, epsilon=0.1, reciprocal=False, seed=4, quantize="png8", smoothing=None)
     assert mccool_like(search) == homofact.McCool(size=9, epsilon=0.1, reciprocal=False, seed=4, quantize="png8")
     assert mccool_like(homofact.McCool(projections=("d",), size=7)) == homofact.McCool(size=7)
+    # As many bytes where bytes were given: 2 textures of 11² texels of 12 bytes take 2904, of 12² 3456.
+    assert mccool_like(homofact.Search(bytes=3072)) == homofact.McCool(size=11)
+    assert mccool_like(homofact.Search(bytes=20)).size == 2
     assert mccool_like(homofact.Svd(size=7, coordinates="half-diff")) == homofact.McCool(size=7)
 
 
@@ -243,3 +246,15 @@ def test_a_files_name_is_read() -> None:
         homofact.fit(3, homofact.McCool(size=4))
     with pytest.raises(BadInput, match=r"none\.brdf"):
         homofact.fit("none.brdf")
+
+
+def test_methods_that_are_compared_within_bytes_all_get_them() -> None:
+    found = made_each(["search", "mccool", "mccool:d", "cole", "svd"], {"bytes": 3072, "textures": 2, "size": 16})
+    assert found["search"].bytes == 3072
+    sizes = {label: method.size for label, method in found.items() if label != "search"}
+    # √(3072/(12 · textures)), rounded down; a decomposition has no such number.
+    assert sizes == {"mccool": 11, "mccool:d": 16, "cole": 11, "svd": 16}
+    with pytest.raises(BadInput) as refused:
+        made_each(["search", "mccool"], {"bytes": 90})
+    assert (refused.value.where, refused.value.found) == ("bytes", "90")
+    assert made_each(["search", "mccool"], {})["mccool"] == homofact.McCool()
