@@ -126,12 +126,15 @@ class EditedTextures:
         The JSON form, as in the folder's report.json.
     folder : Path or None
         The result's folder, where one was written.
+    warning : str
+        At which angle the edited material reflects more light than falls in; "" where it does not.
     """
 
     material: str
     result: "EditedFit"
     report: dict[str, Any] = field(repr=False)
     folder: Path | None = None
+    warning: str = ""
 
     @property
     def fit(self) -> "Fitted":
@@ -190,6 +193,7 @@ def apply_curves(
     from homofact.editing.build import open_edit_materials
     from homofact.editing.curves_file import read_curves
     from homofact.editing.edited_fit import chosen_material, fit_edit
+    from homofact.editing.furnace import albedo_of
     from homofact.editing.result import read_report
     from homofact.editing.scene_file import read_edit_scene
     from homofact.scene.file_fits import FileFits
@@ -210,11 +214,12 @@ def apply_curves(
         name = chosen.material.name
         steps.stage(f"textures of {name}")
         made = fit_edit(chosen, changed, way, refine, steps)
-        report = plain(_textures_report(name, chosen.opened.words, made))
+        warning = albedo_of(made.fit).warning() or ""
+        report = plain(_textures_report(name, chosen.opened.words, made) | {"warning": warning})
         if folder is not None:
             steps.stage("drawing and writing")
             _write_textures(folder, name, made, report, force)
-    return EditedTextures(name, made, report, folder)
+    return EditedTextures(name, made, report, folder, warning)
 
 
 def _prepared(file: "EditSceneFile", steps: ProgressSteps) -> "EditResult":

@@ -55,9 +55,12 @@ def fit_facts(place: Path) -> tuple[str, dict[str, Any], dict[str, Any]] | None:
     if bars is not None:
         facts["bars"] = bars.record()
         for bar in bars.by_angle:
-            stated = f"unknown: {bar.reason}" if bar.error is None else f"{bar.between()} times that of the fit"
-            if bar.direction:
-                stated += f"; the fit is {bar.direction}"
+            if bar.ratio is not None:
+                stated = f"{bar.ratio:.3g} times that of the source, measured"
+            elif bar.error is None:
+                stated = f"unknown: {bar.reason}"
+            else:
+                stated = f"the source's is {bar.between()} times that of the fit"
             if bar.rests_on_extrapolation:
                 stated += f"; {bar.unmeasured:.0%} of it leaves in directions without measurements"
             rows[f"total reflected light at {bar.degrees[0]:.0f}°"] = stated

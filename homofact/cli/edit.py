@@ -89,6 +89,8 @@ def _prepare(scene: Path, out: Path, force: bool, screen: Screen) -> None:
 
 def _show_textures(found: "EditedTextures", out: Path, screen: Screen) -> None:
     made = found.result
+    if found.warning:
+        screen.note(f"homofact: the edited material has the {found.warning}")
     if made.row is not None:
         say_ending(screen, made.row.report)
     elif made.rms > MUCH and "solve" in found.report["way"]:

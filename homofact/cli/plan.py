@@ -95,8 +95,11 @@ def plan(
         if found.plot is not None:
             screen.note(f"The figure: {found.plot}")
         if write is not None and found.folders is not None:
+            from homofact.planning.export import COLOUR
+
             screen.note(f"The choices: {write}")
-            for name in list(found.folders.values())[:1]:
+            # A choice with textures, where there is one, shows more than a colour.
+            for name in sorted(found.folders.values(), key=lambda each: (write / each / COLOUR).exists())[:1]:
                 screen.note(f"Export one to an engine: homofact export {write / name} --to FOLDER --engine three")
     if as_json:
         # With verdicts on what was chosen under the other lighting, which nothing else shows.

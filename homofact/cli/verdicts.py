@@ -86,6 +86,10 @@ def figures_line(verdict: "Verdict") -> str:
         figures.append(
             f"{verdict.look.left_out:.0%} of the pictures' pixels, without samples, were not searched for artefacts"
         )
+    light = verdict.figures.light
+    figures.append(
+        f"brightest sample {figure(light.peak)} sr⁻¹ at {light.peak_where}, there the fit has {figure(light.peak_fit)}"
+    )
     figures += [f"albedo up to {figure(verdict.figures.light.albedo)}", f"misplaced light {errors.misplaced:.1%}"]
     return f"Figures of the verdict: {', '.join(figures)}"
 

@@ -179,6 +179,7 @@ def settings_in_words(settings: Any) -> str:
     given = {name: own[name] for name in _SETTINGS if own.get(name) is not None}
     if "bytes" in given:
         given.pop("size", None)
+        given["textures"] = f"up to {settings.most_textures}"
     if given.get("effort") in DESCENDING and own.get("projections") is None:
         given.pop("restarts", None)
     return ", ".join(f"{name} {value}" for name, value in given.items())

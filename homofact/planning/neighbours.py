@@ -46,8 +46,9 @@ def smaller(plan: MaterialPlan) -> Neighbour | None:
     chosen = plan.outcome
     if chosen is None:
         return None
+    # One that its verdict does not trust is within the limits: nearer to the tolerance than one that misses them.
     below = [
-        (answer.error, answer.bytes, rung, answer.trusted)
+        (answer.error if answer.trusted else 1.0, answer.bytes, rung, answer.trusted)
         for rung, answer in plan.walk.asked.items()
         if answer.bytes < chosen.bytes and math.isfinite(answer.error)
     ]

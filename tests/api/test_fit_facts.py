@@ -1,5 +1,6 @@
 """What `info` says of a saved fit: what it is, and its error bars by angle, as the fit itself states them."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,6 +10,8 @@ from pictured import small_spheres
 import homofact
 from homofact.api.describing import WHITE_STANDARD
 from homofact.api.fit_facts import fit_facts
+from homofact.brdf.materials import material
+from homofact.brdf.sampling import sample_model
 from homofact.errors import BadInput
 from homofact.factor.factorization import Factorization
 from homofact.factor.fixed_projections import EDITED, EDITS
@@ -31,10 +34,25 @@ def test_a_result_states_its_error_bars_at_every_angle(result: Path) -> None:
     for bar in found.facts["bars"]["by_angle"]:
         own = fit.interval("albedo", bar["degrees"][0])
         assert (bar["low"], bar["high"]) == (own.low, own.high)
-        low, _, high, *_ = found.rows[f"total reflected light at {bar['degrees'][0]:.0f}°"].split()
-        assert float(low) == pytest.approx(own.low, rel=5e-3)
-        assert float(high) == pytest.approx(own.high, rel=5e-3)
+        # Of a model the error was measured, and has one value.
+        ratio, *words = found.rows[f"total reflected light at {bar['degrees'][0]:.0f}°"].split()
+        assert float(ratio) == pytest.approx(bar["ratio"], rel=5e-3)
+        assert words[-1] == "measured"
     assert len(found.facts["bars"]["by_angle"]) == 5
+
+
+def test_an_estimated_error_is_a_range(tmp_path: Path) -> None:
+    samples = sample_model(material("phong-30").model, 900)
+    with small_spheres():
+        homofact.factorize(replace(samples, provenance={}), tmp_path / "fit", homofact.McCool(size=6))
+    bars = homofact.info(tmp_path / "fit").facts["bars"]["by_angle"]
+    rows = homofact.info(tmp_path / "fit").rows
+    stated = [bar for bar in bars if bar["low"] is not None]
+    assert stated
+    for bar in stated:
+        row = rows[f"total reflected light at {bar['degrees'][0]:.0f}°"]
+        low, high = re.findall(r"is (\S+) to (\S+) times", row)[0]
+        assert (float(low), float(high)) == pytest.approx((bar["low"], bar["high"]), rel=5e-3)
 
 
 def test_a_saved_file_is_a_fit_and_its_bars_stay_in_its_folder(result: Path, tmp_path: Path) -> None:

@@ -97,9 +97,9 @@ def test_the_latex_table_can_have_the_rows_of_each_source(capsys: pytest.Capture
     latex = Path("a.tex").read_text(encoding="utf-8").splitlines()
     body = latex[latex.index(r"\midrule") + 1 : latex.index(r"\bottomrule")]
     assert [each for each in body if not each.startswith("McCool")] == [
-        r"\multicolumn{4}{l}{phong-10} \\", r"\midrule",
-        r"\multicolumn{4}{l}{lafortune-clay} \\", r"\midrule",
-        r"\multicolumn{4}{l}{All sources} \\",
+        r"\multicolumn{5}{l}{phong-10} \\", r"\midrule",
+        r"\multicolumn{5}{l}{lafortune-clay} \\", r"\midrule",
+        r"\multicolumn{5}{l}{All sources} \\",
     ]  # fmt: skip
     with open("a.csv", encoding="utf-8", newline="") as file:
         means = {row["source"]: float(row["mean"]) for row in csv.DictReader(file)}

@@ -15,6 +15,7 @@ from homofact.brdf.materials import material
 from homofact.cli.main import main
 from homofact.containers.exr import write_exr
 from homofact.containers.png import read_png
+from homofact.editing.furnace import albedo_of
 from homofact.editing.pairs import pairs_of
 from homofact.evaluation.reopening import NotReopened, reopen
 from homofact.exporting.result import write_result
@@ -223,6 +224,7 @@ def test_curves_become_textures_of_the_fit(
     assert main(run) == 0
     record = json.loads(capsys.readouterr().out)
     assert record["way"] == [way]
+    assert record["warning"] == ""
     before, after = homofact.load(str(fit_scene.parent / "paint")), homofact.load(str(out))
     assert after.fetches == before.fetches + (way == "texture")
     # The edit itself, looked up here: r(θh) times what was.
@@ -260,7 +262,9 @@ def test_curves_of_what_is_no_fit_are_fitted_anew(
     file, out = scene.parent / "curves.json", scene.parent / "edited"
     file.write_text(json.dumps(curves_text(**slot, values=[[3.0, 3.0, 3.0]] * 256)))
     assert main(["edit", str(scene), "--apply", str(file), "--out", str(out), "--json"]) == 0
-    record = json.loads(capsys.readouterr().out)
+    streams = capsys.readouterr()
+    record = json.loads(streams.out)
+    assert record["warning"] in streams.err
     assert record["way"] == "fitted anew"
     after = homofact.load(str(out))
     # The diffuse part tripled, the highlight as it was.
@@ -271,6 +275,10 @@ def test_curves_of_what_is_no_fit_are_fitted_anew(
     found = torch.as_tensor(after.evaluate(wi, wo))
     assert float(found.median()) == pytest.approx(float(wanted.median()), rel=0.25)
     assert float(found.median()) > 2 * float(model.evaluate(wi, wo).median())
+    # Three times a red of 0.6 is more light than falls in.
+    expected = albedo_of(after).warning()
+    assert expected is not None
+    assert record["warning"] == expected
     # What is said is what is left of the edited material, by any pairs.
     assert 0.01 < record["error"]["edited"] < 0.6
     assert after.provenance["source"]["edited"][0]["curve"] == "incident"

@@ -166,7 +166,7 @@ def test_odd_data_are_named_beside_the_choice(tmp_path: Path, capsys: pytest.Cap
     assert not out.exists()
     assert main(["plan", str(file), *QUICK, "--write", str(out)]) == 0
     streams = capsys.readouterr()
-    assert "homofact export" not in streams.err
+    assert f"homofact export {out / '1-odd'} --to FOLDER" in streams.err
     shown = " ".join(streams.out.split())
     assert re.search("warning: [0-9]+% likely to be bad .findings: quantised", shown)
     record = json.loads((out / "plan.json").read_text())["materials"][0]

@@ -278,7 +278,7 @@ def test_the_settings_that_decide_are_named() -> None:
     assert settings_in_words(Search(textures=2, size=16, effort="quick")).startswith(
         "textures 2, size 16, effort quick"
     )
-    assert settings_in_words(Search(bytes=4096)).startswith("textures 2, bytes 4096, effort normal")
+    assert settings_in_words(Search(bytes=4096)).startswith("textures up to 3, bytes 4096, effort normal")
     cole = settings_in_words(Cole(textures=2, size=16, restarts=4))
     assert "restarts 4, joint_terms 2" in cole
     assert "effort" not in cole

@@ -16,8 +16,9 @@ from homofact.brdf.sampling import sample_model
 from homofact.brdf.source import Source, source_of
 from homofact.cli.tables import error_table
 from homofact.errors import BadInput
-from homofact.evaluation.compare import fit_and_measure
+from homofact.evaluation.compare import fit_and_measure, fit_split
 from homofact.evaluation.metrics import measure
+from homofact.evaluation.split import Split
 from homofact.evaluation.verdict.verdict import Verdict
 from homofact.methods.mccool import McCool
 
@@ -85,6 +86,23 @@ def test_light_that_only_held_out_samples_show_is_named_with_the_setting_that_fi
     assert found.advice is not None
     assert (found.advice.setting, found.advice.value) == ("held_out", 0)
     assert f"{verdict.figures.errors.gap:.2g} times" in found.found
+
+
+def test_the_brightest_sample_is_named_whether_it_was_held_out_or_not() -> None:
+    source = with_a_spike(1e4)
+    brightest = int(source.samples.values.mean(1).argmax())
+    row = fit_and_measure(source, SMALL)
+    light = row.verdict.figures.light
+    assert light.peak == pytest.approx(float(source.samples.values[brightest].mean()))
+    # The fit has not seen it.
+    assert light.peak_fit < 0.01 * light.peak
+    wi, wo = source.samples.wi[brightest], source.samples.wo[brightest]
+    degrees = [float(torch.rad2deg(torch.acos(w[2]))) for w in (wi, wo)]
+    assert light.peak_where.startswith("θi {:.0f}°, θo {:.0f}°, Δφ ".format(*degrees))
+    apart = float(torch.rad2deg(torch.atan2(wo[1], wo[0]) - torch.atan2(wi[1], wi[0]))) % 360
+    assert light.peak_where.endswith(f"Δφ {min(apart, 360 - apart):.0f}°")
+    every = fit_split(source, Split.of(source, 0.0, 0), SMALL)
+    assert every.verdict.figures.light.peak_fit > 10 * light.peak_fit
 
 
 def test_a_large_ratio_of_errors_that_cost_no_light_is_not_named() -> None:

@@ -9,6 +9,7 @@ import torch
 from judged import MODEL, TEST, TRAIN, Altered, measured, names, noisy, seen, verdict
 from torch import Tensor
 
+from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.sampling import sample_model
 from homofact.errors import Advice, Status
 from homofact.evaluation.bar.error_bar import BarKind
@@ -259,3 +260,13 @@ def test_a_narrow_highlight_asks_for_as_many_texels_as_hold_it() -> None:
     assert found.advice == Advice("bytes", 9 * 6144)
     across = replace(narrow, texels_across=LEAST_ACROSS * 1.01)
     assert list(of_the_figures(replace(noted, figures=replace(one.figures, light=across)))) == []
+
+
+def test_a_setting_that_the_fit_was_made_with_is_not_advised() -> None:
+    one = verdict(settings=Search(size=10, reciprocal=False))
+    zeros = replace(one.figures, data=replace(one.figures.data, dark=0.2))
+    fitted: Any = Altered(transform=LogTransform.of(TRAIN, 0.1))
+    for epsilon, expected in ((None, Advice("epsilon", 0.1)), (0.1, None)):
+        noted = Noted(fitted, zeros, Search(size=10, reciprocal=False, epsilon=epsilon), TRAIN, one.status)
+        (found,) = (each for each in of_the_figures(noted) if each.name == "zeros")
+        assert found.advice == expected

@@ -1,5 +1,7 @@
 """One step smaller or larger than a choice: what the walk measured, or what it expects to be clearly better."""
 
+from dataclasses import replace
+
 import pytest
 from plan_cases import PAINT, fits_of
 
@@ -17,7 +19,7 @@ from homofact.planning.neighbours import (
 )
 from homofact.planning.plan import MaterialPlan, ScenePlan
 from homofact.planning.scene import SceneMaterial
-from homofact.planning.search import LadderOutcome, Walk, expected_errors
+from homofact.planning.search import UNTRUSTED, LadderOutcome, Walk, expected_errors
 from homofact.planning.tolerance import Tolerance
 
 COLOUR = Candidate(LAMBERT)
@@ -153,3 +155,11 @@ def test_the_table_of_steps_names_it_in_figures(monkeypatch: pytest.MonkeyPatch)
     assert error.startswith("about ")
     last = max(ladder(), key=lambda rung: rung.most_bytes(3))
     assert lines({SMALL: 1.5, last: 0.7}, last) == ["larger", "no larger candidate", "–", "–"]
+
+
+def test_a_smaller_one_within_the_limits_that_is_not_trusted_is_nearer_than_one_beyond_them() -> None:
+    plan = plan_of({COLOUR: 1.2, SMALL: UNTRUSTED, CHOSEN: 0.7})
+    plan.walk.asked[SMALL] = replace(plan.walk.asked[SMALL], trusted=False)
+    found = smaller(plan)
+    assert found is not None
+    assert (found.candidate, found.trusted) == (SMALL, False)

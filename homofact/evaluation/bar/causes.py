@@ -48,7 +48,7 @@ WORDS = {
     "samples": "the number of samples",
     "effective": "the number of samples that carry the light",
     "highest": "the range of grazing angles without measurements",
-    "odds": "the odds that the data are faulty",
+    "odds": "the suspicion that the data are faulty",
 }
 
 

@@ -59,6 +59,8 @@ class LightFigures:
         by anyway; None where too few have one.
     floor : relative RMS of f cosθi cosθo between the source and its own reciprocal part, None if the source cannot be
         evaluated.
+    peak, peak_fit, peak_where : the brightest sample of all, held out or not, in sr⁻¹ (mean of the channels), what the
+        fit has there, and at which angles.
     """
 
     off: float | None
@@ -72,6 +74,9 @@ class LightFigures:
     reciprocity: float
     data_reciprocity: float | None
     floor: float | None
+    peak: float = 0.0
+    peak_fit: float = 0.0
+    peak_where: str = ""
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ appearance beside it.
 """
 
 import math
+from dataclasses import replace
 
 import torch
 from torch import Tensor
@@ -52,6 +53,8 @@ def measured_figures(
     values = fitted.evaluate(drawn.wi, drawn.wo).to(torch.float64)
     extrapolation = Extrapolation(train)
     light, unmeasured = _light(fitted, drawn, values, extrapolation, seed, seen)
+    peak, peak_fit, peak_where = _peak(fitted, (train, test))
+    light = replace(light, peak=peak, peak_fit=peak_fit, peak_where=peak_where)
     coverage = CoverageFigures(
         unmeasured,
         flux.between_samples(drawn, flux.flux_of(drawn)) if seen is None else 0.0,
@@ -68,6 +71,18 @@ def measured_figures(
         coverage,
         reading_of(fitted, train, extrapolation, seed) if seen is None else None,
     )
+
+
+def _peak(fitted: Fitted, parts: tuple[Samples, ...]) -> tuple[float, float, str]:
+    """(value of the brightest sample of all parts, the fit's there, its angles), means of the channels."""
+    samples = max(parts, key=lambda part: float(part.values.mean(1).max()))
+    brightest = samples.select(samples.values.mean(1).argmax()[None])
+    (theta_i, phi_i), (theta_o, phi_o) = (to_spherical(w) for w in (brightest.wi, brightest.wo))
+    apart = (phi_o - phi_i).rad2deg().remainder(360)
+    angles = [float(each) for each in (theta_i.rad2deg(), theta_o.rad2deg(), torch.minimum(apart, 360 - apart))]
+    where = "θi {:.0f}°, θo {:.0f}°, Δφ {:.0f}°".format(*angles)
+    value = fitted.evaluate(brightest.wi, brightest.wo).to(torch.float64)
+    return float(brightest.values.mean()), float(value.mean()), where
 
 
 def _range(samples: Samples) -> tuple[float, float]:

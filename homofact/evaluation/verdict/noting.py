@@ -85,7 +85,10 @@ class _Note:
         if value is None or value <= self.most:
             return None
         found = self.found.format(value=value, most=self.most, noted=noted)
-        return Finding(self.name, self.about, found, self.remedy, self.advice(noted, value), self.feature)
+        advice = self.advice(noted, value)
+        if advice is not None and vars(noted.settings).get(advice.setting) == advice.value:
+            advice = None  # the fit was made so
+        return Finding(self.name, self.about, found, self.remedy, advice, self.feature)
 
 
 def _larger(noted: Noted, value: float) -> Advice | None:
@@ -184,7 +187,7 @@ _NOTES = (
           "half of the highlight's height lies within a texel or less: textures {value:.2g} times as wide hold it",
           "more bytes, or a mirror drawn beside the fit", lambda n, v: _wider(n, v) if v < 16 else None),
     _Note("explained", _F, lambda n: 1 - n.figures.errors.explained, 1 - LEAST_EXPLAINED,
-          "{value:.0%} of the variation of the {noted.whose} logarithms is not explained, expected {most:.0%};"
+          "{value:.0%} of the variation of the {noted.whose} logarithms is not explained, expected at most {most:.0%};"
           " {noted.figures.errors.misplaced:.0%} of the held-out light is misplaced{noted.floor}",
           "more textures or texels, another method; or data that contradict themselves", _more_textures, "unexplained"),
     _Note("held-out", _F, _gap, LARGEST_GAP,
@@ -192,7 +195,8 @@ _NOTES = (
           " fit lacks light that only these samples show, or follows single samples",
           "fit all samples, with no held-out error then", _set("held_out", 0), "gap"),
     _Note("positivity", _F, lambda n: n.figures.errors.cut, 0.01,
-          "{value:.0%} of the held-out light is cut at zero, expected {most:.0%}", "a larger epsilon, or more terms"),
+          "{value:.0%} of the held-out light is cut at zero, expected at most {most:.0%}",
+          "a larger epsilon, or more terms"),
     _Note("energy", _F, lambda n: n.figures.light.albedo if (n.figures.light.source_albedo or 1) <= LARGEST_ALBEDO
           else None, LARGEST_ALBEDO, "the fit's directional albedo is {value:.3g} at some angle up to 88°, expected at"
           " most {most:g}", "check the measurement's units and its grazing angles (homofact info)", feature="energy"),
@@ -205,13 +209,14 @@ _NOTES = (
           "{value:.0%} more of the fit's light than of the data's changes where light and viewer are swapped, expected"
           " {most:.0%}", "a reciprocal fit, or a method that keeps it", _set("reciprocal", True), "reciprocity"),
     _Note("reciprocity", _D, _own_asymmetry, LARGEST_ASYMMETRY,
-          "{value:.0%} of the light changes where light and viewer are swapped, expected {most:.0%}{noted.floor}",
+          "{value:.0%} of the light changes where light and viewer are swapped, expected at most"
+          " {most:.0%}{noted.floor}",
           "follow the data, or measure again", _set("reciprocal", False), "data_reciprocity"),
     _Note("energy", _D, lambda n: n.figures.light.source_albedo, LARGEST_ALBEDO,
           "the source's directional albedo is {value:.3g} at some angle, expected at most {most:g}",
           "check its units and its grazing angles (homofact info)"),
     _Note("scatter", _D, lambda n: n.figures.data.scatter, 0.2,
-          "neighbouring samples disagree by {value:.0%}, expected {most:.0%}",
+          "neighbouring samples disagree by {value:.0%}, expected at most {most:.0%}",
           "noise, contradictory samples, a highlight between them, or an anisotropic material read as isotropic",
           feature="scatter"),
     _Note("epsilon", _D, _below_epsilon, _WORTH_A_FLOOR,
@@ -223,18 +228,19 @@ _NOTES = (
           "keep RGB if you export the fit; export refuses fits of the spectrum, which have all colours",
           feature="zeros"),
     _Note("zeros", _D, _dark, _ZEROS,
-          "{value:.1%} of a channel's light is missing at samples that are exactly zero, expected {most:.0%}",
+          "{value:.1%} of a channel's light is missing at samples that are exactly zero, expected at most {most:.0%}",
           "a larger epsilon, or a measurement whose negative values were not cut", _set("epsilon", 0.1), "zeros"),
     _Note("clipped", _D, lambda n: n.figures.data.clipped, 0.003,
-          "{value:.1%} of the light of a channel is at samples that share its largest value, expected {most:.1%}",
+          "{value:.1%} of the light of a channel is at samples that share its largest value, expected at most"
+          " {most:.1%}",
           "the detector was at its end: measure with a shorter exposure, or take the values as bounds",
           _set("clipped", "found"), "clipped"),
     _Note("outliers", _D, lambda n: n.figures.data.outliers, 0.02,
-          "a few samples stand out by {value:.0%} of the light, expected {most:.0%}",
+          "a few samples stand out by {value:.0%} of the light, expected at most {most:.0%}",
           "robust weights if they are outliers, larger textures if they are the highlight", _set("robust", True),
           "outliers"),
     _Note("repeated", _D, lambda n: n.figures.data.repeated, 0.05,
-          "samples of the same directions differ by {value:.0%} of the light, expected {most:.0%}",
+          "samples of the same directions differ by {value:.0%} of the light, expected at most {most:.0%}",
           "merge repeated measurements, or find out which is right", feature="repeated"),
     _Note("ring", _D, lambda n: _off(n.figures.data.ring) if n.figures.data.ring_where else None, 0.1,
           "the samples at {noted.figures.data.ring_where} hold {noted.figures.data.ring:.3g} of the light that those"
@@ -242,20 +248,20 @@ _NOTES = (
           "a ring that was measured with another gain, or in a shadow: leave it out, or correct it",
           _set("calibrate", "rings"), "ring"),
     _Note("coverage", _U, lambda n: n.figures.coverage.unmeasured, 0.03,
-          "{value:.0%} of the fit's light is at directions that were not measured, expected {most:.0%}",
+          "{value:.0%} of the fit's light is at directions that were not measured, expected at most {most:.0%}",
           "measure these angles, the fit extrapolates there", feature="unmeasured"),
     _Note("coverage", _U, lambda n: holes(n.train)["share"] if n.train.isotropic else None, LARGEST_HOLES,
-          "{value:.0%} of the pairs of directions hold no sample, expected {most:.0%}",
+          "{value:.0%} of the pairs of directions hold no sample, expected at most {most:.0%}",
           "measure these angles, the fit extrapolates there", feature="unmeasured"),
     _Note("held-out", _U, _nothing_held_out, 0,
           "no sample was held out: errors and limits are of samples that the fit has seen",
           "hold some out for an honest error"),
     _Note("determined", _U, lambda n: None if n.figures.system.determined is None else 1 - n.figures.system.determined,
-          0.5, "{value:.0%} of the texels are determined by smoothing, not by samples, expected {most:.0%}",
+          0.5, "{value:.0%} of the texels are determined by smoothing, not by samples, expected at most {most:.0%}",
           "smaller textures, fewer of them, or more samples"),
     _Note("sampling", _U, _between, 0.5,
-          "the brightest samples lose {value:.0%} of their value to the next ones, expected {most:.0%}: the highlight"
-          " stands between samples", "measure it more finely", feature="unresolved"),
+          "the brightest samples lose {value:.0%} of their value to the next ones, expected at most {most:.0%}: the"
+          " highlight stands between samples", "measure it more finely", feature="unresolved"),
     _Note("sampling", _U, lambda n: n.figures.coverage.rising, 0.5,
           "the samples nearest to the mirror direction still rise as θh^-{value:.2g}, expected at most θh^-{most:g}",
           "measure nearer to the mirror direction: the top of the highlight stands where no samples are",
