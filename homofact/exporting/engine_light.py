@@ -93,8 +93,8 @@ class EngineLight(UnderSkies):
     kernels: ChainKernels
     errors: Mapping[str, float]
     poor = (
-        "under small bright lights the engine's own sky holds this material's lobes within {worst} only;"
-        " light it by lamps of the scene instead, which the fit itself reflects"
+        "under a sky with small bright lights, this material errs by up to {worst} in the engine: put such lights into"
+        " the scene as lamps, whose light the fit itself reflects"
     )
 
     @property

@@ -44,6 +44,10 @@ TABLES = {
         "looks like a CSV separated by ';', expected commas",
     ),
     "few columns": ("theta_i_deg; theta_o_deg ; Y\n", "looks like a CSV separated by ';', expected commas"),
+    "other names and semicolons": (
+        "incidence; scatter; azimuth; R; G\n5; 0; 0; 0.4; 0.3\n",
+        "separated by ';', with columns 'incidence', 'scatter', 'azimuth', 'R', 'G'; expected commas and theta_i",
+    ),
     "decimal commas": ("0,1;0;0,2;3;0,5\n", "looks like a table separated by ';', expected commas and a header line"),
     "tabs": (NAMES.replace(",", "\t"), "looks like a CSV separated by tabs"),
     "blanks": ("# mine\n" + ROW.replace(",", " "), "looks like a table separated by blanks, .*theta_i,phi_i,theta_o"),

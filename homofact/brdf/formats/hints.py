@@ -1,11 +1,12 @@
 """What a table of text lacks to be a CSV that is read: said instead of a list of all formats."""
 
 from homofact.brdf.formats.csv import ANGLES, VECTORS
-from homofact.files.text import numbered_lines
+from homofact.files.text import numbered_lines, short
 
 _EXPECTED = f"{','.join(ANGLES)} (in degrees with _deg) or {','.join(VECTORS)}, and the channels"
 _SEPARATORS = ((";", "';'"), ("\t", "tabs"), (None, "blanks"))
 _LEAST_COLUMNS = 5
+_MOST_NAMED = 8
 
 
 def hint_of(head: bytes) -> str | None:
@@ -27,6 +28,9 @@ def hint_of(head: bytes) -> str | None:
             return f"it looks like a CSV separated by {shown}, expected commas"
         if len(words) >= _LEAST_COLUMNS and _numbers(words):
             return f"it looks like a table separated by {shown}, expected commas and a header line: {_EXPECTED}"
+        if len(words) >= _LEAST_COLUMNS and len(lines) > 1 and _numbers(lines[1].split(separator)):
+            named = ", ".join(short(word.strip()) for word in words[:_MOST_NAMED])
+            return f"it looks like a table separated by {shown}, with columns {named}; expected commas and {_EXPECTED}"
     words = lines[0].split(",")
     if len(words) >= _LEAST_COLUMNS and _numbers(lines[-1].split(",")):
         return f"its header names no directions, expected {_EXPECTED}"
