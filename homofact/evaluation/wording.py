@@ -57,8 +57,8 @@ def trust_in_words(trusted: bool, said: str = "") -> str:
 
     Examples
     --------
-    >>> trust_in_words(True, "measured everywhere: highlight within 2%")
-    'trusted; measured everywhere: highlight within 2%'
+    >>> trust_in_words(True, "measured against the source: highlight within 2%")
+    'trusted; measured against the source: highlight within 2%'
     >>> trust_in_words(False)
     'not trusted'
     """

@@ -40,7 +40,7 @@ def test_terminal_record_and_page_say_whether_a_fit_is_trusted_in_the_same_words
         assert read is not None
         page_row = page._verdict({"verdict": record})[0][1]
         for said in (judged.summary, record["summary"], read.summary, page_row):
-            assert said.startswith(f"{word}; measured everywhere: ")
+            assert said.startswith(f"{word}; measured against the source: ")
         assert verdict_line(judged).startswith(f"Verdict: {word}; measured")
         # Results of earlier versions lack the word.
         earlier = RecordedVerdict.of(record | {"summary": "off by 3%"})

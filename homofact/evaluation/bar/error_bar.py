@@ -208,7 +208,7 @@ class ErrorBars:
         low, high = albedo.degrees
         said = ", ".join(bar.words() for bar in self.bars)
         if self.kind is BarKind.MEASURED:
-            return f"measured everywhere: {said}"
+            return f"measured against the source: {said}"
         beyond = f"; measured {low:.0f}–{high:.0f}°, beyond is extrapolation" if high < _EDGE else ""
         given = "if the samples are right"
         if self.kind is BarKind.FAULT:
