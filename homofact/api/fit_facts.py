@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from homofact.api.loading import load
+from homofact.api.plan_facts import plan_entry
 from homofact.errors import BadInput
 from homofact.factor.edited import edits_in_words
 from homofact.factor.fixed_projections import EDITS
@@ -51,6 +52,11 @@ def fit_facts(place: Path) -> tuple[str, dict[str, Any], dict[str, Any]] | None:
     if verdict is not None:
         facts["verdict"] = {"trusted": verdict.trusted, "summary": verdict.summary}
         rows["verdict"] = verdict.summary
+    elif (entry := plan_entry(place)) is not None and isinstance(entry.get("verdict"), dict):
+        # The textures of 8 bits in a plan have no report of their own.
+        own = entry["verdict"]
+        facts["verdict"] = {"trusted": own.get("trusted"), "summary": own.get("summary")}
+        rows["verdict"] = str(own.get("summary"))
     bars = None if verdict is None else verdict.bars
     if bars is not None:
         facts["bars"] = bars.record()

@@ -27,6 +27,23 @@ def plan_facts(place: Path) -> tuple[str, dict[str, Any], dict[str, Any]] | None
         raise BadInput(f"damaged ({error!r})", where=file, expected="a plan that `plan` wrote") from error
 
 
+def plan_entry(place: Path) -> dict[str, Any] | None:
+    """What plan.json holds on the choice in this folder of a plan; None of a folder that is in no plan.
+
+    A plan.json that is damaged counts as none: the choice can be read without it.
+    """
+    from homofact.files.fields import Fields
+
+    mark = place.absolute().parent / PLAN.mark
+    if not place.is_dir() or not mark.is_file():
+        return None
+    try:
+        entries = Fields.read(mark, "a plan").found["materials"]
+        return next((each for each in entries if each["folder"] == place.absolute().name), None)
+    except (BadInput, KeyError, TypeError, AttributeError):
+        return None
+
+
 def _rows(found: Mapping[str, Any]) -> dict[str, Any]:
     from homofact.planning.tolerance import Tolerance
 

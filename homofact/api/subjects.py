@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from homofact.api.places import check_measurement, check_result
+from homofact.api.plan_facts import plan_entry
 from homofact.errors import BadInput
 from homofact.methods.search import Search
 from homofact.methods.table import made
@@ -37,8 +38,13 @@ class GivenFit:
 
     @property
     def near(self) -> tuple[Path, ...]:
-        """The folder of the fit, where it has one."""
-        return () if self.place is None else (self.place if self.place.is_dir() else self.place.parent,)
+        """The folder of the fit, where it has one, and that of its source where a plan names it."""
+        if self.place is None:
+            return ()
+        folder = self.place if self.place.is_dir() else self.place.parent
+        entry = plan_entry(folder)
+        source = None if entry is None else entry.get("source")
+        return (folder, Path(source).parent) if isinstance(source, str) else (folder,)
 
     def open(self) -> "Fitted":
         """Return the stored representation. Raises BadInput for what is no fit."""

@@ -1,6 +1,8 @@
 """What `info` says of a saved fit: what it is, and its error bars by angle, as the fit itself states them."""
 
+import json
 import re
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,11 +12,14 @@ from pictured import small_spheres
 import homofact
 from homofact.api.describing import WHITE_STANDARD
 from homofact.api.fit_facts import fit_facts
+from homofact.api.plan_facts import plan_entry
+from homofact.api.subjects import given_fit
 from homofact.brdf.materials import material
 from homofact.brdf.sampling import sample_model
 from homofact.errors import BadInput
 from homofact.factor.factorization import Factorization
 from homofact.factor.fixed_projections import EDITED, EDITS
+from homofact.files.kinds import PLAN
 
 
 @pytest.fixture(scope="module")
@@ -98,3 +103,47 @@ def test_the_white_standard_is_asked_of_measurements_alone() -> None:
     measured = homofact.info(Path(__file__).parents[2] / "data_synthetic/synthetic_cornell.brdf")
     assert measured.asked == (WHITE_STANDARD,)
     assert homofact.info("material:phong-30").asked == ()
+
+
+@pytest.fixture(scope="module")
+def choice(result: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A choice of 8 bits in a plan, whose source lies in another folder."""
+    plan = tmp_path_factory.mktemp("plans") / "plan"
+    plan.mkdir()
+    homofact.export(result, plan / "1-paint", format="png8")
+    entry = {"folder": "1-paint", "source": "/lab/paint.csv", "verdict": {"trusted": False, "summary": "not trusted"}}
+    (plan / PLAN.mark).write_text(json.dumps({"materials": [{"folder": "2-clay"}, entry]}))
+    return plan / "1-paint"
+
+
+def test_a_choice_of_a_plan_has_the_verdict_and_the_place_of_its_source(choice: Path) -> None:
+    found = homofact.info(choice)
+    assert found.facts["verdict"] == {"trusted": False, "summary": "not trusted"}
+    assert found.rows["verdict"] == "not trusted"
+    assert given_fit(choice).near == (choice, Path("/lab"))
+    assert given_fit(choice / "manifest.json").near == (choice, Path("/lab"))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "{",
+        "[]",
+        "{}",
+        '{"materials": 3}',
+        '{"materials": [3]}',
+        '{"materials": [{}]}',
+        '{"materials": [{"folder": "x"}]}',
+    ],
+)
+def test_a_plan_that_is_damaged_or_names_other_folders_is_passed_over(choice: Path, tmp_path: Path, text: str) -> None:
+    shutil.copytree(choice, tmp_path / "1-paint")
+    (tmp_path / PLAN.mark).write_text(text)
+    assert plan_entry(tmp_path / "1-paint") is None
+    assert "verdict" not in homofact.info(tmp_path / "1-paint").facts
+    assert given_fit(tmp_path / "1-paint").near == (tmp_path / "1-paint",)
+
+
+def test_a_result_in_no_plan_has_no_entry(result: Path) -> None:
+    assert plan_entry(result) is None
+    assert plan_entry(result / "manifest.json") is None
