@@ -55,7 +55,7 @@ def plot_plan(path: str | os.PathLike[str], plan: ScenePlan) -> None:
         FigureCanvasAgg(figure)
         left, right = figure.subplots(1, 2, width_ratios=(1.15, 1)) if compared else (None, figure.subplots())
         if left is not None:
-            _asked(left, distinct)
+            _asked(left, distinct, plan.scene.tolerance.trusted)
         _used(right, distinct, bars)
         where = ", ".join(lighting.name for lighting in plan.scene.lightings)
         head = f"{plan.scene.name}: {plan.scene.tolerance.describe()}, under {where}."
@@ -109,7 +109,7 @@ def _undercut(spots: Iterable[_Spot]) -> list[tuple[float, float]]:
     return kept
 
 
-def _asked(axes: Axes, distinct: tuple[MaterialPlan, ...]) -> None:
+def _asked(axes: Axes, distinct: tuple[MaterialPlan, ...], is_trusted: bool) -> None:
     errors, sizes, drawn = [1.0], [], dict[tuple[str, bool], None]()
     for k, plan in enumerate(distinct):
         spots, colour = _spots(plan), _COLOURS[k % len(_COLOURS)]
@@ -129,7 +129,7 @@ def _asked(axes: Axes, distinct: tuple[MaterialPlan, ...]) -> None:
     # The key stands above the highest point.
     log_y(axes, min(errors) / 1.8, max(errors) * (max(errors) / min(errors)) ** 0.3 * 1.8, fewest=3)
     axes.set_xlabel("bytes of one material")
-    trusted = f"; {UNTRUSTED:g} if not trusted" if distinct[0].tolerance.trusted else ""
+    trusted = f"; {UNTRUSTED:g} if not trusted" if is_trusted else ""
     axes.set_ylabel(f"error over tolerance, margin included{trusted}")
     axes.set_title("Candidates that were tried", fontsize=9.5)
     axes.spines[["top", "right"]].set_visible(False)

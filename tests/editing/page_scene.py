@@ -57,7 +57,9 @@ def page_prepared() -> PreparedScene:
 def quiet(driver: Any) -> None:
     """Wait until the page has drawn what it was asked for, all columns are in, and no pointer is down."""
     driver.execute_async_script(
-        "const done = arguments[0], p = homofact.page;"
-        "(function wait() { p.pending === null && !p.view.pending && !p.todo.size && !p.hands.drag"
+        "const done = arguments[0];"
+        # On a busy machine the page may not have made its view yet.
+        "(function wait() { const p = globalThis.homofact?.page;"
+        " p?.view && p.pending === null && !p.view.pending && !p.todo.size && !p.hands.drag"
         " ? done() : setTimeout(wait, 15); })();"
     )

@@ -81,7 +81,7 @@ def plan(*materials: Any) -> Any:
 def test_every_entry_of_a_plan_s_key_is_drawn_as_it_stands_there() -> None:
     paint = material("paint", BYTES, a=(COLOUR, 12, 3.0), b=(LAMBERT, 12, 3.01), c=(BYTES, 48, 0.5))
     axes = Figure().subplots()
-    _asked(axes, (paint,))
+    _asked(axes, (paint,), False)
     key = axes.get_legend()
     assert key is not None
     assert [text.get_text() for text in key.get_texts()] == ["one colour", "search, 8 bits", "chosen", "tolerance"]

@@ -3,10 +3,11 @@
 from homofact.brdf.formats.csv import ANGLES, VECTORS
 from homofact.files.text import numbered_lines, short
 
-_EXPECTED = f"{','.join(ANGLES)} (in degrees with _deg) or {','.join(VECTORS)}, and the channels"
+_NAMES = f"{','.join(ANGLES)} (in degrees with _deg)"
+_EXPECTED = f"{_NAMES} or {','.join(VECTORS)}, and the channels"
 _SEPARATORS = ((";", "';'"), ("\t", "tabs"), (None, "blanks"))
 _LEAST_COLUMNS = 5
-_MOST_NAMED = 8
+_MOST_NAMED = 6
 
 
 def hint_of(head: bytes) -> str | None:
@@ -30,7 +31,7 @@ def hint_of(head: bytes) -> str | None:
             return f"it looks like a table separated by {shown}, expected commas and a header line: {_EXPECTED}"
         if len(words) >= _LEAST_COLUMNS and len(lines) > 1 and _numbers(lines[1].split(separator)):
             named = ", ".join(short(word.strip()) for word in words[:_MOST_NAMED])
-            return f"it looks like a table separated by {shown}, with columns {named}; expected commas and {_EXPECTED}"
+            return f"it looks like a table separated by {shown}, with columns {named}; expected commas and {_NAMES}"
     words = lines[0].split(",")
     if len(words) >= _LEAST_COLUMNS and _numbers(lines[-1].split(",")):
         return f"its header names no directions, expected {_EXPECTED}"
