@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 import torch
+from pictured import no_looks, small_spheres
 
 import homofact
 from homofact.api.factorizing import FactorizeResult, caption
@@ -32,7 +33,8 @@ def measurement(count: int = 400) -> Source:
 
 @pytest.fixture(scope="module")
 def every(tmp_path_factory: pytest.TempPathFactory) -> FactorizeResult:
-    return homofact.factorize(measurement(), tmp_path_factory.mktemp("all") / "fit", SMALL, held_out=0)
+    with no_looks(), small_spheres():
+        return homofact.factorize(measurement(), tmp_path_factory.mktemp("all") / "fit", SMALL, held_out=0)
 
 
 def note(verdict: Verdict, about: str) -> str:
@@ -64,7 +66,8 @@ def test_the_verdict_says_that_nothing_was_held_out_of_samples_alone(every: Fact
     assert note(every.row.verdict, "unknown")
     assert note(every.row.verdict, "fit") == ""
     # A model can be asked everywhere, and the verdict is measured on it.
-    asked = homofact.factorize("material:phong-10", tmp_path / "model", SMALL, held_out=0)
+    with no_looks(), small_spheres():
+        asked = homofact.factorize("material:phong-10", tmp_path / "model", SMALL, held_out=0)
     assert note(asked.row.verdict, "unknown") == ""
     assert note(fit_and_measure(measurement(), SMALL).verdict, "unknown") == ""
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 import torch
+from judged import verdict
 from plan_cases import PAINT, QUICK, WHITE, fits_of, stage_of
 
 import homofact
@@ -90,11 +91,13 @@ def test_a_verdict_is_computed_once(fits: MaterialFits, monkeypatch: pytest.Monk
 
 
 def test_it_is_said_that_no_representation_is_trusted(fits: MaterialFits, tmp_path: Path) -> None:
-    found = planned(judged(fits, 10**9), WIDE, Budget(bytes=50))
+    # No fetch leaves one colour alone.
+    budget = Budget(fetches=0)
+    found = planned(judged(fits, 10**9), WIDE, budget)
     assert not found.walk.met
-    said = missed_words(found, Budget(bytes=50))
+    said = missed_words(found, budget)
     assert "trusted" in said
-    assert "within 50 bytes" in said
+    assert "within 0 fetches" in said
     assert "margin" not in said
     lightings = (named_lighting("overcast"),)
     scene = Scene("one", (SceneMaterial("own", 1.0),), lightings, WIDE)
@@ -106,7 +109,8 @@ def test_it_is_said_that_no_representation_is_trusted(fits: MaterialFits, tmp_pa
     assert "not trusted" in [str(each) for each in steps.columns[-1].cells]
 
 
-def test_info_of_a_plan_names_a_choice_without_trust(tmp_path: Path) -> None:
+def test_info_of_a_plan_names_a_choice_without_trust(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(MaterialFits, "_verdict", lambda self, candidate, colour: verdict())
     scene = Scene("one", (SceneMaterial("own", 1.0),), (named_lighting("overcast"),), WIDE)
     fits = fits_of(PAINT)
     write_plan(tmp_path / "plan", plan_scene(scene, QUICK, {"own": fits}))
