@@ -47,11 +47,6 @@ class ComparisonRow:
     appearance: Appearance | None = None
 
     @property
-    def part(self) -> str:
-        """The name of the test samples in the record: "held_out", or "source" if the fit was made from them."""
-        return self.split.part
-
-    @property
     def spends_bytes(self) -> bool:
         """Whether the sizes of its textures were found, not given, or it has none."""
         return self.settings.bytes is not None or not self.factorization.textures
@@ -79,7 +74,7 @@ class ComparisonRow:
             "mean": dict(zip(self.factorization.channels, self.factorization.transform.mean.tolist(), strict=True)),
             "seconds": {"read": self.seconds_read, "fit": self.seconds_fit, "total": self.seconds_total},
             "verdict": self.verdict.record(),
-            "error": {"train": self.train.record(), self.part: self.held_out.record()},
+            "error": {"train": self.train.record(), self.split.part: self.held_out.record()},
             "appearance": None if self.appearance is None else self.appearance.record(),
         }
 

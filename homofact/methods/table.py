@@ -96,11 +96,16 @@ def with_bytes(method: Method, count: int) -> Method | None:
         return replace(method, bytes=count)
     if not isinstance(method, McCool | Cole):
         return None
-    size = math.isqrt(count // (_RGB_TEXEL * method.most_textures))
+    size = _size_within(count, method)
     if size < _LEAST_SIZE:
         wanted = f"enough for {method.most_textures} textures of {_LEAST_SIZE} x {_LEAST_SIZE} texels"
         raise BadInput(where="bytes", found=count, expected=wanted)
     return replace(method, size=size)
+
+
+def _size_within(count: int, method: Method) -> int:
+    """The largest size at which all textures of a method are within so many bytes."""
+    return math.isqrt(count // (_RGB_TEXEL * method.most_textures))
 
 
 def mccool_like(method: Method) -> McCool:
@@ -115,8 +120,7 @@ def mccool_like(method: Method) -> McCool:
     baseline = McCool(**shared)
     if method.bytes is None:
         return baseline
-    least = _RGB_TEXEL * baseline.most_textures * _LEAST_SIZE**2
-    return replace(baseline, size=math.isqrt(max(method.bytes, least) // (_RGB_TEXEL * baseline.most_textures)))
+    return replace(baseline, size=max(_size_within(method.bytes, baseline), _LEAST_SIZE))
 
 
 def _built(label: str, settings: Mapping[str, Any]) -> Method:

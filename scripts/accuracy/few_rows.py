@@ -1,13 +1,13 @@
 """Compare fits with and without held-out samples, of measurements that have few rows in a narrow highlight.
 
-    python scripts/accuracy/few_rows.py                   # all of it: some ten minutes of one processor
+    python scripts/accuracy/few_rows.py                   # all of it: some twenty minutes of one processor
     python scripts/accuracy/few_rows.py --materials chm_light_blue --seeds 1 --out rows.md
 
 Materials of the RGL database are "measured" as a goniometer does it: six angles of incidence, viewing angles 5° or 2.5°
 apart, 14 differences of azimuth. Each table is fitted twice, without 20% of its rows and with all of them, and both
 fits are judged against the material itself under the sky of the fixed pictures. The summary parts the fits at the
 ratio of held-out to training error at which the verdict advises a fit of all rows. "Within" counts how often the
-picture's error keeps to the limit that the verdict states.
+picture's error keeps to the limit that the verdict states; a limit that it withdraws counts as kept.
 """
 
 import argparse
