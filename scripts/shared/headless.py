@@ -15,6 +15,7 @@ from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from importlib import import_module
 from pathlib import Path
 from typing import Any
+from urllib.parse import unquote
 
 from homofact.errors import MissingDependency
 
@@ -81,9 +82,18 @@ def resize(driver: Any, size: tuple[int, int]) -> None:
     driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", shape)
 
 
+_LOADED = (
+    "return document.readyState === 'complete' && decodeURIComponent(location.href).split('#')[0] === arguments[0]"
+)
+
+
 def open_page(driver: Any, page: Path, link: str = "") -> None:
     """Load a file, with a `link` (#…) to a place in it, and wait until it is ready, or shows its trouble."""
-    driver.get(page.resolve().as_uri() + link)
+    address = page.resolve().as_uri()
+    driver.get(address + link)
+    # On a busy machine `get` may return when a new tab has loaded its empty page, or in the middle of the file.
+    wait = import_module("selenium.webdriver.support.wait").WebDriverWait(driver, 120, poll_frequency=0.02)
+    wait.until(lambda _: driver.execute_script(_LOADED, unquote(address)))
     driver.execute_async_script(
         "const done = arguments[0];"
         "(window.homofact?.ready ?? Promise.reject()).then(() => done(true), () => done(false));"
