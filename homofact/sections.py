@@ -59,7 +59,7 @@ class SourceSettings(_Checked):
 
     `count` (pairs of directions) and `scheme` count for analytic models only. `subset` above 0 is the most samples that
     a fit is given, drawn by cells (`brdf.stratified`). `calibrate` and `clipped` repair a measurement
-    (`brdf.quality.mending`).
+    (`brdf.quality.mending`); suspicions in `dismiss` were checked and are not raised again.
     """
 
     path: str | None = option(
@@ -84,6 +84,10 @@ class SourceSettings(_Checked):
         " the level",
         above=0, metavar="LEVEL", none="none are", expected_instead=_expected_level, panel=SOURCE,
     )  # fmt: skip
+    dismiss: tuple[str, ...] = option(
+        (), "Suspicions of info that you have checked and that are wrong, by their names, or all: verdicts no longer"
+        " count them", separators="+,", metavar="A+B", expected_instead=none_twice, panel=SOURCE,
+    )  # fmt: skip
     subset: int = option(
         0,
         "Maximum number of samples for the fit, with highlight and grazing angles kept; 0 for all",
@@ -96,7 +100,9 @@ class SourceSettings(_Checked):
         from homofact.brdf.source import Opening
 
         text = str(self.path) if path is None else path
-        return Opening(text, self.channels, self.count, self.scheme, seed, "", self.calibrate, self.clipped)
+        return Opening(
+            text, self.channels, self.count, self.scheme, seed, "", self.calibrate, self.clipped, self.dismiss
+        )
 
 
 @dataclass(frozen=True)

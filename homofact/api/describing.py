@@ -12,6 +12,7 @@ from homofact.api.progress import Progress, ProgressSteps
 from homofact.api.scene_facts import scene_facts
 from homofact.api.subjects import Place, given_source, open_given
 from homofact.api.toml_facts import toml_facts
+from homofact.brdf.source_names import DISMISSED
 from homofact.errors import BadInput
 from homofact.sections import SourceSettings
 
@@ -130,7 +131,7 @@ def info(source: Any, *, plot: Place | None = None, seed: int = 0, progress: Pro
         steps.stage("drawing")
         facts |= _draw(picture, subject)
     # A model's name and parameters read better as rows of their own.
-    apart = ("material", "suspected", "gains", "clipped", "tilt")
+    apart = ("material", "suspected", "gains", "clipped", "tilt", DISMISSED)
     rows = {name: value for name, value in facts.items() if name not in apart} | (facts.get("material") or {})
     rows["faults"] = _faults_in_words(facts["faults"])
     if subject.kind == "drawn":

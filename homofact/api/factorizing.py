@@ -8,7 +8,7 @@ from homofact.api.places import check_folder
 from homofact.api.progress import Progress, ProgressSteps
 from homofact.api.refusing import Refusal
 from homofact.api.subjects import Place, given_method, given_source, open_given, subset_of
-from homofact.brdf.source_names import HELD_OUT
+from homofact.brdf.source_names import DISMISSED, HELD_OUT
 from homofact.evaluation.wording import counted, figure
 from homofact.files import extras
 from homofact.files.lock import claimed
@@ -195,7 +195,7 @@ def _report(subject: "Source", source: Any, records: dict[str, dict[str, Any]], 
     from homofact.evaluation.metric_table import LIGHT, METRICS, SIX
 
     first, *others = records.values()
-    mended = {name: subject.samples.provenance.get(name) for name in ("gains", "clipped", "tilt")}
+    mended = {name: subject.samples.provenance.get(name) for name in ("gains", "clipped", "tilt", DISMISSED)}
     opened = source.path if isinstance(source, SourceSettings) else source if isinstance(source, str) else subject.name
     measures = {metric.name: metric.words for metric in METRICS.values() if metric.name in (*SIX, *LIGHT)}
     return {**first, **mended, "measures": measures, "opened": opened, "out": str(folder)} | (

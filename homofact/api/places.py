@@ -6,6 +6,7 @@ from pathlib import Path
 
 from homofact.brdf.source_names import MATERIAL_NAMES, MATERIAL_PREFIX
 from homofact.errors import BadInput
+from homofact.files.kinds import check_no_fit
 from homofact.files.private import private_folder
 from homofact.files.reading import check_readable, split_member
 
@@ -25,6 +26,7 @@ def check_measurement(source: str) -> None:
             expected="a BRDF file or material:NAME",
             hint=f"nearest: {MATERIAL_PREFIX}{near[0]}",
         )
+    check_no_fit(Path(file), source, "a BRDF file or material:NAME")
     # Of a missing "a#b" the name as it was given is what helps.
     check_readable(file if member is None or Path(file).exists() else source, "a BRDF file or material:NAME")
 

@@ -47,7 +47,9 @@ def plan_entry(place: Path) -> dict[str, Any] | None:
 def _rows(found: Mapping[str, Any]) -> dict[str, Any]:
     from homofact.planning.tolerance import Tolerance
 
-    distinct = {(each["source"], each["pixels"]): each for each in found["materials"]}.values()
+    distinct = {
+        (each["source"], each["pixels"], str(each.get("tolerance"))): each for each in found["materials"]
+    }.values()
     names = [
         each["name"] if each["pixels"] is None else f"{each['name']}, {each['pixels']} pixels" for each in distinct
     ]
@@ -71,7 +73,7 @@ def _rows(found: Mapping[str, Any]) -> dict[str, Any]:
 def _choice(each: Mapping[str, Any]) -> str:
     """What was chosen for a material, what it costs, and the error that uses most of its limit."""
     from homofact.planning.ladder import Candidate
-    from homofact.planning.tolerance import WORDS
+    from homofact.planning.tolerance import WORDS, Tolerance
 
     choice = each["choice"]
     if choice is None:
@@ -83,4 +85,6 @@ def _choice(each: Mapping[str, Any]) -> str:
     part = f"{used} of the limit" if each.get("trusted", True) else "within the limit, but not trusted"
     error = f"{WORDS[each['error_kind']]} {figure(each['error'])}{under}, {part}"
     where = f"; in {each['folder']}" if each.get("folder") else ""
+    if each.get("tolerance"):
+        error += f", its own: {Tolerance.of(**each['tolerance']).describe()}"
     return f"{'' if each['met'] else 'closest: '}{candidate.words}; {size}; {error}{where}"

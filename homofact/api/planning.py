@@ -215,7 +215,8 @@ def plan(
         check_place(folder)
     asked = read_scene(Path(scene)) if isinstance(scene, str | os.PathLike) else scene
     if tolerance is not None:
-        asked = replace(asked, tolerance=Tolerance.named(tolerance))
+        alike = tuple(replace(each, tolerance=None) for each in asked.materials)
+        asked = replace(asked, materials=alike, tolerance=Tolerance.named(tolerance))
     other_lighting = None if against is None else named_lighting(against)
     with claimed(folder) if folder is not None else nullcontext():
         steps.warm_up()

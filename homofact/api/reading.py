@@ -16,6 +16,7 @@ def read(
     seed: int = 0,
     calibrate: Sequence[str] = DEFAULT_CALIBRATE,
     clipped: float | str | None = None,
+    dismiss: Sequence[str] = (),
 ) -> Source:
     """Read a measurement, or draw samples of a material, a reflectance or a function.
 
@@ -31,6 +32,8 @@ def read(
         "rows" (`brdf.quality.gains`), "auto" for a tilt where the odds are clear, or "none".
     clipped : values of so many sr⁻¹ and more, or of the level that is "found", are taken as bounds
         (`brdf.quality.clipping`). Only measured samples have gains or clipped values.
+    dismiss : names of suspicions that `info` has raised and that you have checked, or "all": neither `info` nor a
+        verdict raises them again.
 
     Returns
     -------
@@ -49,5 +52,6 @@ def read(
     ('Y',)
     """
     return source_of(
-        source, channels=channels, count=count, scheme=scheme, seed=seed, calibrate=calibrate, clipped=clipped
-    )
+        source, channels=channels, count=count, scheme=scheme, seed=seed, calibrate=calibrate, clipped=clipped,
+        dismiss=dismiss,
+    )  # fmt: skip

@@ -22,7 +22,14 @@ from homofact.brdf.reflectance import Derived, Reflectance
 from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
 from homofact.brdf.scattered import Scattered, made_of_samples
-from homofact.brdf.source_names import DEFAULT_CALIBRATE, DEFAULT_COUNT, DEFAULT_SCHEME, GAINS, MATERIAL_PREFIX
+from homofact.brdf.source_names import (
+    DEFAULT_CALIBRATE,
+    DEFAULT_COUNT,
+    DEFAULT_SCHEME,
+    DISMISSED,
+    GAINS,
+    MATERIAL_PREFIX,
+)
 from homofact.brdf.symmetry import find_symmetry
 from homofact.errors import BadInput
 from homofact.geometry.directions import to_spherical
@@ -49,6 +56,7 @@ class Opening:
     folder: str = ""
     calibrate: tuple[str, ...] = DEFAULT_CALIBRATE
     clipped: float | str | None = None
+    dismiss: tuple[str, ...] = ()
 
     @property
     def is_material(self) -> bool:
@@ -61,7 +69,7 @@ class Opening:
         text = self.path if path is None else path
         kind, single = reading_of(self.channels)
         source = _opened(text, kind, self.count, self.scheme, self.seed)
-        source = _mended(source, text, self.calibrate, self.clipped)
+        source = _mended(source, text, self.calibrate, self.clipped, self.dismiss)
         if single:
             reflectance = OneChannel(source.reflectance, single)
             source = replace(source, samples=source.samples.channel(single), reflectance=reflectance)
@@ -113,6 +121,7 @@ def source_of(
     seed: int = 0,
     calibrate: Sequence[str] = DEFAULT_CALIBRATE,
     clipped: float | str | None = None,
+    dismiss: Sequence[str] = (),
 ) -> Source:
     """Return the source that `given` is or names.
 
@@ -122,19 +131,21 @@ def source_of(
     """
     if isinstance(given, str | os.PathLike):
         drawing = {"count": count, "scheme": scheme, "seed": seed}
-        return open_source(os.fspath(given), channels=channels, calibrate=calibrate, clipped=clipped, **drawing)
+        asked = {"calibrate": calibrate, "clipped": clipped, "dismiss": dismiss}
+        return open_source(os.fspath(given), channels=channels, **asked, **drawing)
     if channels != "rgb":
         raise BadInput(
             where="channels", found=f"{channels!r} beside {_named(given)}", expected="them with a path or a material"
         )
     if isinstance(given, Source):
         # Whoever opened it decided about "auto".
-        return _mended(given, given.name, wanted(calibrate), clipped)
+        return _mended(given, given.name, wanted(calibrate), clipped, dismiss)
     samples = given if isinstance(given, Samples) else samples_of(given)
     if samples is not None:
-        return _mended(_measured("samples", samples), "samples", calibrate, clipped)
-    if wanted(calibrate) or clipped is not None:
-        raise BadInput(where="calibrate, clipped", found=_named(given), expected="a measurement's samples with them")
+        return _mended(_measured("samples", samples), "samples", calibrate, clipped, dismiss)
+    if wanted(calibrate) or clipped is not None or dismiss:
+        where = "calibrate, clipped, dismiss"
+        raise BadInput(where=where, found=_named(given), expected="a measurement's samples with them")
     begun = time.perf_counter()
     reflectance = reflectance_of(given)
     name = getattr(given, "__name__", type(given).__name__)
@@ -195,23 +206,33 @@ def open_source(
     seed: int = 0,
     calibrate: Sequence[str] = DEFAULT_CALIBRATE,
     clipped: float | str | None = None,
+    dismiss: Sequence[str] = (),
 ) -> Source:
     """Return the source that `text` names: material:NAME, or the path of a file whose content is sniffed.
 
     `channels` are "rgb", "luminance", "spectral", or one channel's name ("G", "550nm"). `count`, `scheme` and `seed`
     are how a material, or a model in a file, is sampled; a measurement has the samples it has. FILE#NAME picks one
-    material of a file that holds several. `calibrate` and `clipped` repair a measurement (`brdf.quality.mending`).
+    material of a file that holds several. `calibrate` and `clipped` repair a measurement (`brdf.quality.mending`);
+    the suspicions `dismiss` of it were checked and are not raised again (`suspicion.dismissal`).
 
     Raises BadInput for an unknown material, faults of a file, channels that the source does not have, and repairs of a
     source that is not a list of samples.
     """
-    return Opening(text, channels, count, scheme, seed, "", tuple(calibrate), clipped).open()
+    return Opening(text, channels, count, scheme, seed, "", tuple(calibrate), clipped, tuple(dismiss)).open()
 
 
-def _mended(source: Source, name: str, calibrate: Sequence[str], clipped: float | str | None) -> Source:
+def _mended(
+    source: Source, name: str, calibrate: Sequence[str], clipped: float | str | None, dismiss: Sequence[str]
+) -> Source:
     """The source with what is known of its instrument undone; samples are interpolated anew where they change."""
     kinds = wanted(calibrate)
     reflectance, samples = straightened(name, source.reflectance, source.samples, calibrate)
+    if dismiss:
+        from homofact.brdf.quality.suspicion.dismissal import dismissed
+
+        if source.kind == "material":
+            raise BadInput(where="dismiss", found=f"it with {name}", expected="a measurement with it")
+        samples = dismissed(samples, dismiss)
     source = replace(source, reflectance=reflectance, samples=samples)
     gains = [kind for kind in kinds if kind in GAINS]
     if not gains and clipped is None:
@@ -307,6 +328,7 @@ def describe(source: Source) -> dict[str, Any]:
         "gains": facts.get("gains"),
         "tilt": facts.get("tilt"),
         "clipped": facts.get("clipped"),
+        DISMISSED: facts.get(DISMISSED),
         "material": {key: facts[key] for key in ("material", "model", "parameters") if key in facts} or None,
         "default_epsilon": source.default_epsilon,
         "seconds_read": source.seconds_read,

@@ -17,4 +17,6 @@ TILT, AUTOMATIC, NOTHING = "tilt", "auto", "none"
 # What is undone of the instrument: "auto" is the tilt where the odds are clear, "none" nothing.
 CALIBRATIONS = (AUTOMATIC, NOTHING, TILT, *GAINS)
 DEFAULT_CALIBRATE = (AUTOMATIC,)
+DISMISSED = "dismissed"  # in the provenance of samples: the suspicions that somebody has checked
+ALL_DISMISSED = "all"
 MOST = 80.0  # logarithms above it are cut: e⁸⁰ is the largest power that float32 holds

@@ -86,3 +86,5 @@ def _show(found: "InfoResult", screen: Screen) -> None:
     if found.suspected:
         lines = [hanging(f"- {suspicion.line()}", len("- ")) for suspicion in found.suspected]
         screen.show("Suspected, with the odds against the data as they stand:", *lines)
+        names = "+".join(suspicion.name for suspicion in found.suspected)
+        screen.show(f"If you have checked one and it is wrong, --dismiss its name, in fits as well: --dismiss {names}")

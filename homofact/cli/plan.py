@@ -116,7 +116,7 @@ def _show(found: "PlanResult", screen: Screen) -> None:
     screen.show(choice_table(plan), *([] if steps is None else [steps]), *map(Text, _reading_lines(plan)))
     doubted = doubt_lines(found.verdicts, found.missed)
     screen.show(*(Text(doubts, "bold red") for doubts in doubted))
-    if doubted and not plan.scene.tolerance.trusted:
+    if doubted and not all(each.tolerance.trusted for each in plan.distinct):
         screen.show("For choices that their verdicts trust, add trusted = true under [tolerance] of the scene.")
     screen.show("", evidence_table(plan), *map(Text, _lines(plan, found.against)))
     verdicts = [hanging(line, len("  - " if line.startswith(" ") else "  ")) for line in finding_lines(found.verdicts)]
@@ -170,7 +170,7 @@ def _reading_lines(found: "ScenePlan") -> list[str]:
     """How to read the choices and their neighbours."""
     from homofact.planning.neighbours import larger
 
-    kinds = [kind for kind in found.scene.tolerance.kinds if MARGINS[kind] != 1]
+    kinds = [kind for kind in found.limited_kinds if MARGINS[kind] != 1]
     margins = ", ".join(f"{WORDS[kind]} × {MARGINS[kind]:g}" for kind in kinds)
     margin = f", with a margin for views that were not rendered ({margins})" if margins else ""
     steps = map(larger, found.distinct)
@@ -215,11 +215,13 @@ def _lines(found: "ScenePlan", other: "ScenePlan | None") -> list[str]:
                 f" {each.highlight_pixels:.2g} pixels wide."
             )
     lines += grade_lines([(each.name, each.opinion) for each in found.distinct if each.errors])
-    if "cole" in found.scene.tolerance.kinds and not found.scene.tolerance.of_light:
+    if any(each.tolerance.of_light for each in found.distinct):
+        pass
+    elif "cole" in found.limited_kinds:
         lines.append(
             "The Cole error weighs all pairs of directions equally, so the lighting does not change this plan."
         )
-    elif not found.scene.tolerance.of_light:
+    else:
         lines.append("This tolerance has its own light, so the scene's lighting does not change this plan.")
     if found.allocated:
         lines.append(

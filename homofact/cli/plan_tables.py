@@ -55,7 +55,7 @@ def headline(found: "ScenePlan") -> str:
     return (
         f"{counted(len(found.distinct), 'material')}: {counted(found.bytes, 'byte')} in"
         f" {counted(textures, 'texture')}, {fetches_in_words(found.fetches)} per pixel; tolerance:"
-        f" {found.scene.tolerance.describe()} under {lightings}{miss}"
+        f" {found.tolerance_words} under {lightings}{miss}"
     )
 
 

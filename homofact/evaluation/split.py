@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from homofact.factor.fitted import Fitted
 
 _MOST = 2**63 - 1
+_MOST_NAMES = 100  # of dismissed suspicions: there are fewer
 
 
 def without_places(provenance: Mapping[str, Any]) -> dict[str, Any]:
@@ -124,6 +125,7 @@ class Split:
                 inner.text("folder"),
                 tuple(inner.texts("calibrate", len(CALIBRATIONS))) if inner.found.get("calibrate") else (),
                 _clipped(inner),
+                tuple(inner.texts("dismiss", _MOST_NAMES)) if inner.found.get("dismiss") else (),
             )
         held_out = fields.number("held_out")
         if not 0 <= held_out < 1:
@@ -141,7 +143,7 @@ class Split:
         """Return the JSON form, which `saved_with` reads."""
         record = asdict(self)
         if self.opening is not None:
-            record["opening"]["calibrate"] = list(self.opening.calibrate)
+            record["opening"] |= {name: list(record["opening"][name]) for name in ("calibrate", "dismiss")}
         return record
 
     def matches(self, source: Source) -> bool:

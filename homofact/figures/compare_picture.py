@@ -5,14 +5,15 @@ The spheres of a light share one exposure, `automatic_exposure` of the source, a
 
 A difference is signed and relative: (fit − source)/(source + `FLOOR` of white) in luminance (Rec. 709 weights), white
 being the radiance that the exposure takes to 1 before the curve; the floor keeps pixels that are nearly black in the
-picture from dominating it. Every difference has its own scale, which is written under it: the smallest round one that
-holds 98% of the pixels. So the errors of a good fit are seen beside those of a bad one; it is the scales that tell them
-apart.
+picture from dominating it. All differences share one scale of colours, so that the paler of two fits is the better
+one: from −100% to +100%, linear below 2% and logarithmic above (asinh), so that errors of a good fit are still seen.
+Under each difference stands the range that holds 98% of its pixels.
 
 Where the source interpolates samples, pixels that show more than was measured (`figures.measured_range`) are hatched:
-in source and differences over grey, in the fit over its picture. They count in no scale.
+in source and differences over grey, in the fit over its picture. They count in no range.
 """
 
+import math
 import os
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -20,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 import torch
 from matplotlib import colormaps
-from matplotlib.colors import Normalize
+from matplotlib.colors import AsinhNorm
 from torch import Tensor
 
 from homofact.brdf.reflectance import Reflectance
@@ -42,31 +43,32 @@ from homofact.rendering.surface import ToRgb
 from homofact.rendering.tonemap import DEFAULT_CURVE, automatic_exposure, tonemap
 
 FLOOR = 0.05
-# The part of the pixels that the scale of a difference holds.
+# The part of the pixels that the range under a difference holds.
 HELD = 0.98
 _BLACK = 1e-4  # of white: a fortieth of the darkest code value that is not 0
 LIGHTS = ("point light", f"round lamp {2 * LAMP_RADIUS:g}° wide", "sky")
 _LUMINANCE = (0.2126, 0.7152, 0.0722)
-_RANGES = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)
+# The differences' scale of colours: linear below the first, to the second; with lines in its bar at the others.
+_LINEAR, _MOST, _MARKED = 0.02, 1.0, (-0.1, -0.01, 0.01, 0.1)
 # Diverging, told apart under all common colour deficiencies; unlit pixels and the surroundings are grey.
 _MAP = "RdBu_r"
-_UNLIT, _HATCH, _GROUND = (0.55, 0.55, 0.55), (0.82, 0.82, 0.82), (0.35, 0.35, 0.35)
+_UNLIT, _HATCH, _GROUND, _MARK = (0.55, 0.55, 0.55), (0.82, 0.82, 0.82), (0.35, 0.35, 0.35), (0.2, 0.2, 0.2)
 _GAP, _LEAST, _BAR, _PERIOD = 16, 150, 8, 8
 
 
 class LightReport(NamedTuple):
     """How one row was drawn: light, exposure, curve, and what it shows.
 
-    `clipped` are the shares of pixels clipped to the gamut, source first; `scales` the ± of each fit's differences;
-    `beyond` is the share of the lit pixels that show more than was measured, None where the source does not interpolate
-    samples.
+    `clipped` are the shares of pixels clipped to the gamut, source first; `ranges` the ± that hold 98% of each fit's
+    differences; `beyond` is the share of the lit pixels that show more than was measured, None where the source does
+    not interpolate samples.
     """
 
     light: str
     exposure: float
     curve: str
     clipped: tuple[float, ...]
-    scales: tuple[float, ...]
+    ranges: tuple[float, ...]
     beyond: float | None
 
 
@@ -117,15 +119,18 @@ def compare_picture(
         *((fit.title, left, pair) for fit, left in zip(fits, lefts[1::2], strict=True)),
     ]
     below = max(page.text(title, left, _GAP // 2, width, bold=True) for title, left, width in heads)
+    bar, ends_at = _bar(size), (f"−{_MOST:.0%}", f"+{_MOST:.0%}")
     for row in rows:
         top = page.text(_words(row.report), _GAP, below + 6, page.width - 2 * _GAP) + 4
         for left, pixels in zip([lefts[0], *lefts[1::2]], row.shown, strict=True):
             page.picture(pixels, left, top)
-        for left, difference, scale in zip(lefts[2::2], row.differences, row.report.scales, strict=True):
+        for left, difference, reach in zip(lefts[2::2], row.differences, row.report.ranges, strict=True):
             page.picture(difference, left, top)
-            bar = colormaps[_MAP](np.linspace(0, 1, size))[None, :, :3].repeat(_BAR, 0)
-            under = page.picture(bar, left, top + size + 4)
-            below = page.text(f"−{scale * 100:.3g}% to +{scale * 100:.3g}%", left, under + 1, panel)
+            under = page.picture(bar, left, top + size + 4) + 1
+            page.text(ends_at[0], left, under, size)
+            right = left + size - math.ceil(page.extent(ends_at[1]))
+            below = page.text(ends_at[1], right, under, size)
+            below = page.text(f"{HELD:.0%} within ±{reach * 100:.2g}%", left, below, panel)
     samples = interpolated_samples(source[1])
     notes = [] if samples is None else [f"Interpolated from {len(samples):,} samples"]
     captions = [
@@ -150,8 +155,9 @@ def compare_picture(
         words = "beyond the measurement: most light there falls from directions not measured with this view"
         end = page.text(words, _GAP + 2 * LINE + 8, end, page.width - 3 * _GAP - 2 * LINE)
     page.text(
-        f"Right of each fit, on a scale that holds {HELD:.0%} of its pixels: (fit − source) / (source + {FLOOR:.0%} of"
-        " white) in luminance; red is too bright, grey is unlit. Linear sRGB, white point D65.",
+        f"Right of each fit: (fit − source) / (source + {FLOOR:.0%} of white) in luminance; red is too bright, blue too"
+        " dark, grey is unlit. One scale for all, with lines at ±1% and ±10%, and below it the range that holds"
+        f" {HELD:.0%} of the pixels. Linear sRGB, white point D65.",
         _GAP,
         end,
         page.width - 2 * _GAP,
@@ -186,8 +192,8 @@ def _row(light: str, images: list[SphereImage], beyond: np.ndarray | None) -> _R
     lit = np.isfinite(differences).any(0)
     known = lit if beyond is None else lit & ~beyond
     sizes = [np.abs(difference[known & np.isfinite(difference)]) for difference in differences]
-    scales = tuple(_reach(values) for values in sizes)
-    coloured = [_coloured(*pair) for pair in zip(differences, scales, strict=True)]
+    ranges = tuple(float(np.quantile(values, HELD)) if values.size else 0.0 for values in sizes)
+    coloured = [_coloured(each) for each in differences]
     if beyond is not None:
         ground = np.broadcast_to(np.array(_GROUND), shown[0].shape)
         shown = [
@@ -197,7 +203,7 @@ def _row(light: str, images: list[SphereImage], beyond: np.ndarray | None) -> _R
         coloured = [_hatched(np.where(beyond[..., None], ground, picture), beyond) for picture in coloured]
     share = None if beyond is None else float(beyond[lit].mean()) if lit.any() else 0.0
     clipped = tuple(picture.clipped for picture in toned)
-    return _Row(LightReport(light, exposure, DEFAULT_CURVE, clipped, scales, share), shown, coloured)
+    return _Row(LightReport(light, exposure, DEFAULT_CURVE, clipped, ranges, share), shown, coloured)
 
 
 def _words(report: LightReport) -> str:
@@ -216,15 +222,20 @@ def _luminance(radiance: Tensor) -> Tensor:
     return radiance @ torch.tensor(_LUMINANCE, dtype=radiance.dtype)
 
 
-def _reach(sizes: np.ndarray) -> float:
-    """The smallest round range that holds 98% of the pixels."""
-    most = float(np.quantile(sizes, HELD)) if sizes.size else 0.0
-    return next((scale for scale in _RANGES if scale >= most), _RANGES[-1])
+def _scale() -> AsinhNorm:
+    return AsinhNorm(_LINEAR, -_MOST, _MOST, clip=True)
 
 
-def _coloured(difference: np.ndarray, reach: float) -> np.ndarray:
-    """A difference in the colours of its bar, (H, W, 3) in [0, 1]; grey where it is NaN."""
-    colours = colormaps[_MAP](Normalize(-reach, reach, clip=True)(np.nan_to_num(difference)))[..., :3]
+def _bar(width: int) -> np.ndarray:
+    """The colours of differences from −`_MOST` to `_MOST` (`_BAR`, width, 3), with lines at `_MARKED`."""
+    bar = colormaps[_MAP](np.linspace(0, 1, width))[None, :, :3].repeat(_BAR, 0)
+    bar[:, np.rint(np.asarray(_scale()(_MARKED)) * (width - 1)).astype(int)] = _MARK
+    return bar
+
+
+def _coloured(difference: np.ndarray) -> np.ndarray:
+    """A difference in the colours of the bar, (H, W, 3) in [0, 1]; grey where it is NaN."""
+    colours = colormaps[_MAP](_scale()(np.nan_to_num(difference)))[..., :3]
     return np.where(np.isfinite(difference)[..., None], colours, _UNLIT)
 
 

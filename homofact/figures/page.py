@@ -50,14 +50,14 @@ class PicturePage:
         for word in on_one_line(text).split():
             while word:
                 candidate = f"{line} {word}" if line else word
-                if self._extent(candidate, bold) <= width:
+                if self.extent(candidate, bold) <= width:
                     line, word = candidate, ""
                 elif line:
                     lines.append(line)
                     line = ""
                 else:
                     cut = len(word) - 1
-                    while cut > 1 and self._extent(word[:cut], bold) > width:
+                    while cut > 1 and self.extent(word[:cut], bold) > width:
                         cut -= 1
                     marked = 1 + max(word.rfind(mark, 0, cut) for mark in _MARKS)
                     cut = marked if marked > cut // 2 else cut
@@ -82,7 +82,8 @@ class PicturePage:
         self.height = max(self.height, bottom)
         return bottom
 
-    def _extent(self, text: str, bold: bool) -> float:
+    def extent(self, text: str, bold: bool = False) -> float:
+        """Return how many pixels wide a text is in one line."""
         if (text, bold) not in self._widths:
             drawn = self._figure.text(0, 0, text, **_font(bold))
             self._widths[text, bold] = drawn.get_window_extent(self._canvas.get_renderer()).width

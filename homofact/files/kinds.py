@@ -7,6 +7,8 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
+from homofact.errors import BadInput
+
 FACTORIZATION = "factorization.npz"
 
 
@@ -48,6 +50,14 @@ _SITE_FOLDERS = {
     "materials": re.compile(r"[0-9a-f]{16}\.html"),
     "fits": re.compile(r"[0-9a-f]{32}(\.png|\.html|_(texture_\d+|term_\d+_(first|second))\.png)"),
 }
+
+
+def check_no_fit(place: Path, where: object, expected: str) -> None:
+    """Raise BadInput, with what to do, for the folder of a fit or an export where a measurement is expected."""
+    for kind in (RESULT, EXPORT):
+        if place.is_dir() and kind.is_at(place):
+            hint = "write the values of the fit to a file first: `homofact.convert`"
+            raise BadInput(where=where, found=f"the folder of a fit ({kind.what})", expected=expected, hint=hint)
 
 
 def is_ours(entry: Path) -> bool:

@@ -14,6 +14,7 @@ from homofact.planning.ladder import CONSTANT, WHOLE, Candidate
 from homofact.planning.material_fits import as_texture
 from homofact.planning.plan import MaterialPlan, ScenePlan
 from homofact.planning.record import material_record, plan_record
+from homofact.planning.scene import SceneMaterial
 
 COLOUR = "colour.json"
 
@@ -24,7 +25,8 @@ def check_plan_folder(folder: Path, force: bool) -> None:
 
 
 def write_plan(folder: Path, plan: ScenePlan, force: bool = False) -> dict[str, str]:
-    """Write every choice to its folder, plan.json last; the folders' names by source (and pixels, where given).
+    """Write every choice to its folder, plan.json last; the folders' names by source (and pixels and
+    own tolerance, where given).
 
     A fit is written as `exporting.result` does, one of whole texels as `exporting.exported` does (PNG of 8 bits with
     their shaders), one colour as a fit of one even texture with colour.json beside it: `f` per channel in sr⁻¹, and
@@ -38,17 +40,19 @@ def write_plan(folder: Path, plan: ScenePlan, force: bool = False) -> dict[str, 
         if chosen.walk.choice is None:
             continue
         stem = "".join(c if c.isalnum() or c in "-_" else "-" for c in Path(chosen.name).stem)
-        names[_key(chosen.material.source, chosen.material.pixels)] = f"{place}-{stem}"
+        names[_key(chosen.material)] = f"{place}-{stem}"
         _write_choice(folder / f"{place}-{stem}", chosen, chosen.walk.choice, force)
     record = plan_record(plan)
-    for entry in record["materials"]:
-        entry["folder"] = names.get(_key(entry["source"], entry["pixels"]))
+    for entry, material in zip(record["materials"], plan.scene.materials, strict=True):
+        entry["folder"] = names.get(_key(material))
     write_json(folder / PLAN.mark, record)
     return names
 
 
-def _key(source: str, pixels: int | None) -> str:
-    return source if pixels is None else f"{source} at {pixels} pixels"
+def _key(material: SceneMaterial) -> str:
+    at = "" if material.pixels is None else f" at {material.pixels} pixels"
+    own = "" if material.tolerance is None else f", {material.tolerance.describe()}"
+    return f"{material.source}{at}{own}"
 
 
 def _write_choice(folder: Path, plan: MaterialPlan, choice: Candidate, force: bool) -> None:

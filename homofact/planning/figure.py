@@ -55,10 +55,10 @@ def plot_plan(path: str | os.PathLike[str], plan: ScenePlan) -> None:
         FigureCanvasAgg(figure)
         left, right = figure.subplots(1, 2, width_ratios=(1.15, 1)) if compared else (None, figure.subplots())
         if left is not None:
-            _asked(left, distinct, plan.scene.tolerance.trusted)
+            _asked(left, distinct, any(each.tolerance.trusted for each in distinct))
         _used(right, distinct, bars)
         where = ", ".join(lighting.name for lighting in plan.scene.lightings)
-        head = f"{plan.scene.name}: {plan.scene.tolerance.describe()}, under {where}."
+        head = f"{plan.scene.name}: {plan.tolerance_words}, under {where}."
         foot = f"{plan.bytes} bytes; {plan.fits} of {plan.exhaustive_fits} possible fits made"
         figure.suptitle(in_figure(f"{head} {foot}" if compared else f"{head}\n{foot}"), fontsize=10)
         if left is not None:

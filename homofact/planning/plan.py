@@ -9,6 +9,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 from homofact.brdf.analytic.lambert import Lambert
 from homofact.brdf.scattered import made_of_samples
@@ -133,6 +134,20 @@ class ScenePlan:
     allocated: bool = False
 
     @property
+    def tolerance_words(self) -> str:
+        """The tolerances in words: the scene's, and those of materials that have their own, by name."""
+        own = {plan.name: plan.tolerance.describe() for plan in self.distinct if plan.material.tolerance is not None}
+        words = [f"for {name}, {limits}" for name, limits in own.items()]
+        if len(own) == len(self.distinct):
+            return "; ".join(words)
+        return "; ".join([self.scene.tolerance.describe(), *words])
+
+    @property
+    def limited_kinds(self) -> tuple[str, ...]:
+        """The kinds of error that some material's tolerance limits, each once."""
+        return tuple(dict.fromkeys(kind for plan in self.distinct for kind in plan.tolerance.kinds))
+
+    @property
     def distinct(self) -> tuple[MaterialPlan, ...]:
         """Each choice once, where a material is listed again."""
         return tuple({plan.material.key: plan for plan in self.materials}.values())
@@ -250,7 +265,7 @@ def plan_scene(
     clock.stage("preparing the lighting")
     stages = tuple(Stage.of(lighting, scene.seed) for lighting in scene.lightings)
     under = f"under {' and '.join(lighting.name for lighting in scene.lightings)}"
-    plans: dict[tuple[str, int | None], MaterialPlan] = {}
+    plans: dict[Any, MaterialPlan] = {}
     for material in scene.materials:
         fits = known.setdefault(material.source, MaterialFits(material.source, used))
         if material.key in plans:
@@ -258,7 +273,9 @@ def plan_scene(
         clock.stage(f"reading {material.name or material.source}")
         place = f" ({len(plans) + 1} of {len(distinct_keys)})" if len(distinct_keys) > 1 else ""
         clock.material(fits, f"planning {material.name or fits.source.name}{place} {under}")
-        plans[material.key] = plan_material(material, fits, stages, scene.tolerance, scene.budget, clock.asking)
+        plans[material.key] = plan_material(
+            material, fits, stages, scene.tolerance_of(material), scene.budget, clock.asking
+        )
     distinct = tuple(plans.values())
     limit = scene.budget.bytes
     over = limit is not None and sum(plan.outcome.bytes for plan in distinct if plan.outcome is not None) > limit
@@ -318,7 +335,7 @@ def one_size(distinct: tuple[MaterialPlan, ...], shown: tuple[MaterialPlan, ...]
     if first.is_colour:
         offered = [first, *(candidate for candidate in rungs if candidate.is_colour and candidate != first)]
     for candidate in offered:
-        answers: dict[tuple[str, int | None], LadderOutcome] = {}
+        answers: dict[Any, LadderOutcome] = {}
         for plan in distinct:
             answers[plan.material.key] = answer = plan.ask(candidate)
             if answer.error > 1:

@@ -19,7 +19,7 @@ def plan_record(plan: ScenePlan) -> dict[str, Any]:
         "scene": plan.scene.name,
         "seed": plan.scene.seed,
         "tolerance": plan.scene.tolerance.record(),
-        "margins": {kind: MARGINS[kind] for kind in plan.scene.tolerance.kinds},
+        "margins": {kind: MARGINS[kind] for kind in plan.limited_kinds},
         "budget": vars(plan.scene.budget) | {"shared_out": plan.allocated},
         "lightings": [
             {
@@ -54,6 +54,7 @@ def material_record(plan: MaterialPlan) -> dict[str, Any]:
         "name": plan.name,
         "share": plan.material.share,
         "pixels": plan.material.pixels,
+        "tolerance": None if plan.material.tolerance is None else plan.material.tolerance.record(),
         "highlight_pixels": plan.highlight_pixels,
         "choice": None
         if choice is None or outcome is None

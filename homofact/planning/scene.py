@@ -7,11 +7,12 @@ source = "material:phong-30"       # or a file, relative to the scene's
 name = "case"                      # optional: in tables, pictures and folders. Default: the name of the source
 share = 0.6
 pixels = 40                        # optional: how many the object is across, each of which averages what it covers
+tolerance = { delta_e = 0.5 }      # optional: of this material, instead of [tolerance]
 [lighting]                         # one, or [[lighting]] several times: the tolerance then holds under each; one key of
 named = "overcast"                 # `scene.lighting.NAMED`
 environment = "sky.hdr"            # lat-long .hdr or .exr, relative to the scene's file
 lights = [{ direction = [0, 1, 1], radiance = [3.1, 3.1, 3.1] }]
-[tolerance]                        # one or more of `plan.tolerance.KINDS`; all of them hold
+[tolerance]                        # of materials without their own: one or more of `plan.tolerance.KINDS`; all hold
 cole = 0.05                        # mean squared error of logs; the lighting does not matter to it
 delta_e = 2.0                      # mean CIEDE2000 of the lit sphere, of the view where it is largest
 delta_e_p95 = 5.0                  # its 95th percentile
@@ -25,7 +26,7 @@ fetches = 4                        # of one evaluation, at most
 """
 
 import math
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -45,22 +46,29 @@ LEAST_PIXELS, MOST_PIXELS = 2, 16384
 
 
 @dataclass(frozen=True)
-class SceneMaterial:
-    """`source` as `brdf.source.open_source` takes it, `share` of the picture in (0, 1].
-
-    `pixels` is the width of the object in pixels, None for a camera so close that pixels do not blur. `name` is what
-    tables, pictures and folders call it, None for the source's own name.
-    """
+class _MaterialKeys:
+    """What a material has in the file and in memory alike."""
 
     source: str
     share: float = required("Part of the picture", above=0, most=1)
     pixels: int | None = option(None, "How many the object is across", least=LEAST_PIXELS, most=MOST_PIXELS)
     name: str | None = option(None, "Its name in tables. Default: the name of the source", expected_instead=a_name)
 
+
+@dataclass(frozen=True)
+class SceneMaterial(_MaterialKeys):
+    """`source` as `brdf.source.open_source` takes it, `share` of the picture in (0, 1].
+
+    `pixels` is the width of the object in pixels, None for a camera so close that pixels do not blur. `name` is what
+    tables, pictures and folders call it, None for the source's own name. `tolerance` is its own, None for the scene's.
+    """
+
+    tolerance: Tolerance | None = None
+
     @property
-    def key(self) -> tuple[str, int | None]:
+    def key(self) -> tuple[str, int | None, Tolerance | None]:
         """Equal for materials that one choice serves."""
-        return self.source, self.pixels
+        return self.source, self.pixels, self.tolerance
 
 
 @dataclass(frozen=True)
@@ -74,7 +82,7 @@ class Budget:
 
 @dataclass(frozen=True)
 class Scene:
-    """What is planned for; the tolerance holds under each of the `lightings`."""
+    """What is planned for; the tolerance, or a material's own, holds under each of the `lightings`."""
 
     name: str
     materials: tuple[SceneMaterial, ...]
@@ -82,6 +90,10 @@ class Scene:
     tolerance: Tolerance
     budget: Budget = Budget()
     seed: int = 0
+
+    def tolerance_of(self, material: SceneMaterial) -> Tolerance:
+        """Return the tolerance that holds for one of the materials."""
+        return self.tolerance if material.tolerance is None else material.tolerance
 
 
 @dataclass(frozen=True)
@@ -125,12 +137,29 @@ class _ToleranceTable:
         """The limits that are given, by kind."""
         return {kind: limit for kind, limit in _given(self).items() if kind in KINDS}
 
+    def tolerance(self) -> Tolerance:
+        """Return what the planner takes."""
+        return Tolerance.of(**self.limits, trusted=self.trusted)
+
+
+@dataclass(frozen=True)
+class _MaterialTable(_MaterialKeys):
+    """[[material]] as written in the file."""
+
+    tolerance: _ToleranceTable | None = None
+
+    def material(self, folder: Path, place: str) -> SceneMaterial:
+        """Return the material, a file looked for in `folder`; `place` names it in messages. Raises BadInput."""
+        own = None if self.tolerance is None else self.tolerance.tolerance()
+        source = found_source(self.source, folder, f"{place}.source")
+        return SceneMaterial(source, self.share, self.pixels, self.name, own)
+
 
 @dataclass(frozen=True)
 class PlanSceneTable:
     """The whole file."""
 
-    material: tuple[SceneMaterial, ...]
+    material: tuple[_MaterialTable, ...]
     lighting: _LightingTable | tuple[_LightingTable, ...]
     tolerance: _ToleranceTable
     budget: Budget = Budget()
@@ -138,10 +167,15 @@ class PlanSceneTable:
     name: str | None = option(None, "Name of the scene. Default: that of the file", expected_instead=a_name)
 
     def __post_init__(self) -> None:
-        """Refuse shares that do not add up to 1, and no lighting. Raises BadInput."""
+        """Refuse shares that do not add up to 1, names that do not tell two apart, and no lighting. Raises BadInput."""
         total = math.fsum(material.share for material in self.material)
         if abs(total - 1) > SHARE_SLACK:
             raise BadInput(f"the shares add up to {total:.6g}", where="material", expected="1")
+        seen: dict[tuple[str, int | None, str | None], _ToleranceTable | None] = {}
+        for place, each in enumerate(self.material):
+            if seen.setdefault((each.source, each.pixels, each.name), each.tolerance) != each.tolerance:
+                expected = "a name of its own: the same source is listed with another tolerance"
+                raise BadInput(where=f"material[{place}].name", found=str(each.name or "none"), expected=expected)
         if self.lighting == ():
             raise BadInput(where="lighting", found="none", expected="at least one")
 
@@ -160,12 +194,9 @@ def read_scene(path: str | Path) -> Scene:
     try:
         return Scene(
             scene.name or file.stem,
-            tuple(
-                replace(material, source=found_source(material.source, file.parent, f"material[{place}].source"))
-                for place, material in enumerate(scene.material)
-            ),
+            tuple(each.material(file.parent, f"material[{place}]") for place, each in enumerate(scene.material)),
             tuple(_lighting(table, file.parent) for table in tables),
-            Tolerance.of(**scene.tolerance.limits, trusted=scene.tolerance.trusted),
+            scene.tolerance.tolerance(),
             scene.budget,
             scene.seed,
         )

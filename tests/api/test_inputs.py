@@ -152,5 +152,5 @@ def test_what_is_no_method_and_no_path_is_refused() -> None:
         homofact.load([PAINT])  # type: ignore[arg-type]
     with pytest.raises(BadInput, match="channels: found 'luminance' beside Phong"):
         homofact.read(MODEL, channels="luminance")
-    with pytest.raises(BadInput, match="calibrate, clipped: found Phong"):
+    with pytest.raises(BadInput, match="calibrate, clipped, dismiss: found Phong"):
         homofact.read(MODEL, clipped=1.0)

@@ -156,7 +156,7 @@ def test_a_setting_of_other_methods_is_refused_by_name(
 # The commands that take the options of sections, by a section's key.
 COMMANDS = {
     "source.path": "factorize", "source.channels": "info", "source.count": "info", "source.scheme": "info",
-    "source.calibrate": "info", "source.clipped": "info",
+    "source.calibrate": "info", "source.clipped": "info", "source.dismiss": "info",
     "source.subset": "compare", "evaluate.held_out": "compare", "compare.methods": "compare", "compare.plot": "compare",
     "compare.metrics": "compare", "compare.sources": "compare", "compare.csv": "compare", "compare.latex": "compare",
     "compare.chart": "compare", "compare.by_source": "compare", "compare.textures": "compare",

@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from matplotlib import colormaps
 from PIL import Image
 from refusals import refused
 
@@ -17,8 +16,8 @@ from homofact.errors import BadInput
 from homofact.figures.compare_picture import (
     LIGHTS,
     FitPanel,
+    _bar,
     _coloured,
-    _reach,
     compare_picture,
     relative_difference,
 )
@@ -77,14 +76,16 @@ def test_picture_shows_every_sphere_pixel_for_pixel_and_no_panel_is_empty(tmp_pa
     reports = compare_picture(path, ("source", Grey(0.5)), fits, size=64)
     assert [report.light for report in reports] == list(LIGHTS)
     assert {report.curve for report in reports} == {"filmic"}
-    # A tenth too bright is at most 9.5% of source and floor, on the smallest scale that holds it.
-    assert [report.scales for report in reports] == [(0.1, 0.005)] * 3
+    # A tenth too bright is at most 9.5% of source and floor.
+    for report in reports:
+        assert 0.08 < report.ranges[0] <= 0.1 / 1.05
+        assert report.ranges[1] == 0
     assert [len(report.clipped) for report in reports] == [3] * 3
     assert reports[0].clipped[0] == 0
     page = np.asarray(Image.open(path).convert("RGB")).astype(int)
     # Panels are at least 150 wide with 16 between: source, and twice a fit and its difference.
     assert page.shape[1] == 5 * 166 + 16
-    # A title, then for each light a line of words, the spheres, a bar, a line with its scale.
+    # A title, then for each light a line of words, the spheres, a bar, a line with its ends, a line with the range.
     top = 8 + 18
     for _ in LIGHTS:
         top += 6 + 18 + 4
@@ -102,24 +103,29 @@ def test_picture_shows_every_sphere_pixel_for_pixel_and_no_panel_is_empty(tmp_pa
         bar = page[top + 64 + 4 + 2, 16 + 2 * 166 : 16 + 2 * 166 + 64]
         assert bar[0, 2] > bar[0, 0]
         assert bar[-1, 0] > bar[-1, 2]
-        top += 64 + 4 + 8 + 1 + 18
+        top += 64 + 4 + 8 + 1 + 18 + 18
     assert [entry.name for entry in tmp_path.iterdir()] == ["compare.png"]
 
 
-def test_the_scale_that_is_stated_is_the_one_that_is_drawn():
-    difference = np.array([[-0.3, -0.1, 0.0, 0.05, 0.1, np.nan]])
-    drawn = _coloured(difference, 0.1)[0]
-    colours = colormaps["RdBu_r"]
-    for value, found in zip((0.0, 0.0, 0.5, 0.75, 1.0), drawn, strict=False):
-        np.testing.assert_allclose(found, colours(value)[:3], atol=0.01)
-    assert len(set(drawn[5])) == 1
-    # 98% of the pixels are within the smallest round scale that holds them, whatever the others are.
-    sizes = np.full(1000, 0.013)
-    sizes[:15] = 50.0
-    assert _reach(sizes) == 0.02
-    sizes[:25] = 50.0
-    assert _reach(sizes) == 10.0
-    assert _reach(np.zeros(0)) == 0.005
+def test_all_differences_share_one_scale_on_which_small_errors_are_seen():
+    values = np.array([[-5.0, -1.0, -0.1, -0.01, 0.0, 0.01, 0.1, 1.0, 5.0, np.nan]])
+    drawn = _coloured(values)[0]
+    red, blue = drawn[:9, 0] - drawn[:9, 2], drawn[:9, 2] - drawn[:9, 0]
+    # The ends hold all beyond; between them each error has its own colour, the opposite one the opposite.
+    np.testing.assert_array_equal(drawn[0], drawn[1])
+    np.testing.assert_array_equal(drawn[7], drawn[8])
+    assert red[5] > 0.02 > red[4]
+    assert red[6] > 3 * red[5]
+    assert blue[3] > 0.02
+    assert blue[2] > 3 * blue[3]
+    assert drawn[4].min() > 0.95
+    assert len(set(drawn[9])) == 1
+    bar = _bar(201)
+    marks = np.flatnonzero((np.abs(bar[0] - 0.2) < 1e-9).all(1))
+    # asinh(0.01/0.02)/asinh(1/0.02) of half of the width, and asinh(0.1/0.02)/asinh(1/0.02).
+    np.testing.assert_array_equal(marks, [50, 90, 110, 150])
+    for mark, value in zip(marks + 1, (-0.1, -0.01, 0.01, 0.1), strict=True):
+        np.testing.assert_allclose(bar[0, mark], _coloured(np.array([[value]]))[0, 0], atol=0.04)
 
 
 @pytest.mark.slow

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import OpenEXR
 import pytest
+from refusals import refused
 
 from homofact.errors import BadInput
 from homofact.planning.scene import Budget, SceneMaterial, read_scene
@@ -40,6 +41,32 @@ def test_a_trusted_verdict_is_asked_for_beside_limits(tmp_path: Path) -> None:
     assert read_scene(file).tolerance == Tolerance.of(reflected=0.1)
 
 
+def test_a_material_may_have_a_tolerance_of_its_own(tmp_path: Path) -> None:
+    file = tmp_path / "shop.toml"
+    own = '[[material]]\nsource = "material:phong-30"\nname = "far"\nshare = 0.4\n'
+    text = SCENE.replace("share = 1", "share = 0.6\ntolerance = { delta_e = 0.5, trusted = true }\n" + own)
+    file.write_text(text)
+    found = read_scene(file)
+    near, far = found.materials
+    assert near.tolerance == found.tolerance_of(near) == Tolerance.of(delta_e=0.5, trusted=True)
+    assert far.tolerance is None
+    assert found.tolerance_of(far) == found.tolerance == Tolerance.of(reflected=0.1)
+    assert near.key != far.key
+    # Two names are needed to tell them apart.
+    file.write_text(text.replace('name = "far"\n', ""))
+    with refused(r"material\[1\].name: found none, expected a name of its own"):
+        read_scene(file)
+
+
+def test_a_fit_is_no_source_of_a_plan(tmp_path: Path) -> None:
+    (tmp_path / "paint").mkdir()
+    (tmp_path / "paint" / "factorization.npz").write_bytes(b"")
+    file = tmp_path / "shop.toml"
+    file.write_text(SCENE.replace("material:phong-30", "paint"))
+    with refused(r"material\[0\].source: found the folder of a fit \(result\), expected a measurement"):
+        read_scene(file)
+
+
 def test_several_lightings_and_limits_and_a_distance(tmp_path: Path) -> None:
     file = tmp_path / "shop.toml"
     text = SCENE.replace("share = 1", "share = 1\npixels = 40").replace(
@@ -57,6 +84,12 @@ def test_several_lightings_and_limits_and_a_distance(tmp_path: Path) -> None:
     [
         ("reflected = 0.1", "trusted = true", "tolerance: found no limit, expected at least one of cole, delta_e"),
         ("reflected = 0.1", "reflected = 0.1\ntrusted = 1", "tolerance.trusted: found 1, expected true or false"),
+        (
+            "share = 1",
+            "share = 1\ntolerance = {}",
+            r"material\[0\].tolerance: found no limit, expected at least one of",
+        ),
+        ("share = 1", "share = 1\ntolerance = { cole = -1 }", r"material\[0\].tolerance.cole: found -1, expected a"),
         ("share = 1", "share = 0.7", "the shares add up to 0.7, expected 1"),
         ("share = 1", "share = 0", r"material\[0\].share: found 0, expected a number above 0 and at most 1"),
         ("share = 1", 'share = "all"', "share: found the string 'all', expected a number"),

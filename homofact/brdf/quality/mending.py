@@ -10,7 +10,7 @@ from homofact.brdf.quality.tilt import find_tilt
 from homofact.brdf.reflectance import Reflectance, innermost
 from homofact.brdf.rgl import AdaptiveTable
 from homofact.brdf.samples import Samples
-from homofact.brdf.source_names import AUTOMATIC, CALIBRATIONS, NOTHING, TILT
+from homofact.brdf.source_names import AUTOMATIC, CALIBRATIONS, DISMISSED, NOTHING, TILT
 from homofact.brdf.table import AngleTable
 from homofact.brdf.tilt import Straightened
 from homofact.errors import BadInput
@@ -77,4 +77,6 @@ def mending_lines(provenance: dict[str, Any], looked_for: bool = False) -> list[
     lines += [facts["words"] for facts in provenance.get("gains", {}).values()]
     for name, facts in provenance.get("clipped", {}).items():
         lines.append(f"clipped: {facts['samples']} values of {name} at {facts['level']:.4g} sr⁻¹ are taken as bounds")
+    if provenance.get(DISMISSED):
+        lines.append(f"not suspected, as you have checked it: {', '.join(provenance[DISMISSED])}")
     return lines

@@ -287,7 +287,8 @@ def of_the_suspicions(noted: Noted) -> Iterator[Finding]:
     for each in noted.suspicions:
         if each.name not in _SEEN_BY_LIGHT:
             words = f"{each.words}, odds of {min(each.odds, 1e6):,.0f} to 1"
-            yield Finding(each.name, About.DATA, words, f"if so, {each.remedy}", feature="odds")
+            remedy = f"if so, {each.remedy}; if you have checked that it is not, {Advice('dismiss', each.name)}"
+            yield Finding(each.name, About.DATA, words, remedy, feature="odds")
 
 
 def of_the_pictures(noted: Noted) -> Iterator[Finding]:

@@ -5,7 +5,7 @@ drifts and nothing is reciprocal. So directions come first, then channels, then 
 likeliest suspicion undone, and the instrument last, on what is left.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Iterable, Sequence
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from homofact.brdf.quality.suspicion.check import Check, Suspicion
 from homofact.brdf.quality.suspicion.evidence import LEAST_SAMPLES, Evidence
 from homofact.brdf.quality.suspicion.undo import UNDO
 from homofact.brdf.samples import Samples
+from homofact.brdf.source_names import DISMISSED
 
 CHECKS: dict[str, Check] = {
     check.name: check
@@ -32,16 +33,17 @@ def suspicions(samples: Samples, seed: int = 0) -> list[Suspicion]:
     """Return the suspicions, likeliest first; none for fewer than `LEAST_SAMPLES` samples.
 
     The checks use a few thousand samples, drawn by `seed`. The odds compare the fault with unchanged samples, at prior
-    odds of 1. Suspicions with odds below `SAID` to 1 are left out.
+    odds of 1. Suspicions with odds below `SAID` to 1 are left out, and so are those that `dismissal` has dismissed.
     """
     if len(samples) < LEAST_SAMPLES or not bool((samples.values > 0).any()):
         return []
     evidence = Evidence.of(samples, seed)
     # Where a spectrum left the gamut of sRGB the reader has cut it at zero itself, and says so.
     cut = any((samples.provenance.get("colour") or {}).get("clipped", {}).values())
-    suspicions = _said([name for name in _COUNTED if not (cut and name == "zeros")], evidence)
-    suspicions += _said(_COLOURS, evidence)[:1]
-    turned = _said([check.name for check in geometry.CHECKS], evidence)[:1]
+    dismissed = {*samples.provenance.get(DISMISSED, ()), *(("zeros",) if cut else ())}
+    suspicions = _said(_without(dismissed, _COUNTED), evidence)
+    suspicions += _said(_without(dismissed, _COLOURS), evidence)[:1]
+    turned = _said(_without(dismissed, [check.name for check in geometry.CHECKS]), evidence)[:1]
     for suspicion in turned:
         evidence = undone_evidence(evidence, suspicion.name)
     values: list[Suspicion] = []
@@ -49,14 +51,14 @@ def suspicions(samples: Samples, seed: int = 0) -> list[Suspicion]:
         # A second convention is looked for among the other kind alone: two cosines are one of the checks already.
         names = [
             name
-            for name in _VALUES
+            for name in _without(dismissed, _VALUES)
             if not any((suspicion.name in _COSINES) == (name in _COSINES) for suspicion in values)
         ]
         best = _said(names, evidence)[:1]
         values += best
         for suspicion in best:
             evidence = undone_evidence(evidence, suspicion.name)
-    suspicions += turned + values + _said(_REST, evidence)
+    suspicions += turned + values + _said(_without(dismissed, _REST), evidence)
     return sorted(suspicions, key=lambda suspicion: -suspicion.odds)
 
 
@@ -67,6 +69,11 @@ def undone_evidence(evidence: Evidence, name: str) -> Evidence:
     samples = UNDO[name].apply(evidence.samples())
     arrays = (samples.wi, samples.wo, samples.values, samples.weights - 2)
     return Evidence(*(tensor.numpy() for tensor in arrays))
+
+
+def _without(dismissed: Collection[str], names: Iterable[str]) -> list[str]:
+    """The names that nobody has dismissed."""
+    return [name for name in names if name not in dismissed]
 
 
 def _said(names: Sequence[str], evidence: Evidence) -> list[Suspicion]:
