@@ -20,6 +20,6 @@ def test_a_long_name_is_broken_behind_its_marks(text: str, parts: list[str] | No
     lines = page.wrapped(text, 160, bold=True)
     assert lines == parts if parts else len(lines) > 1
     assert "".join(lines).replace(" ", "") == text.replace(" ", "")
-    assert all(page._extent(line, True) <= 160 for line in lines)
+    assert all(page.extent(line, True) <= 160 for line in lines)
     if not parts:
         assert len(lines[0]) > 12

@@ -63,7 +63,7 @@ def material(name: str, choice: Candidate, **asked: tuple[Candidate, int, float]
     found = {candidate: SimpleNamespace(bytes=size, error=error) for candidate, size, error in asked.values()}
     return SimpleNamespace(
         name=name, walk=SimpleNamespace(asked=found, choice=choice), outcome=found[choice], judges=(), errors=(),
-        material=SimpleNamespace(pixels=None),
+        material=SimpleNamespace(pixels=None), tolerance=Tolerance((("reflected", 0.2),)),
     )  # fmt: skip
 
 
@@ -72,10 +72,10 @@ BYTES, FLOATS = Candidate("search", 1, 4, WHOLE), Candidate("search", 1, 4)
 
 
 def plan(*materials: Any) -> Any:
-    scene = SimpleNamespace(
-        name="shop", tolerance=Tolerance((("reflected", 0.2),)), lightings=(SimpleNamespace(name="sun"),)
-    )
-    return SimpleNamespace(distinct=materials, scene=scene, bytes=60, fits=1, exhaustive_fits=30)
+    scene = SimpleNamespace(name="shop", lightings=(SimpleNamespace(name="sun"),))
+    words = Tolerance((("reflected", 0.2),)).describe()
+    facts = {"bytes": 60, "fits": 1, "exhaustive_fits": 30, "tolerance_words": words}
+    return SimpleNamespace(distinct=materials, scene=scene, **facts)
 
 
 def test_every_entry_of_a_plan_s_key_is_drawn_as_it_stands_there() -> None:

@@ -59,7 +59,9 @@ def test_the_record_and_the_folders_keep_them_apart(found: ScenePlan, tmp_path: 
     assert [each["folder"] for each in record["materials"]] == ["1-far-again", "2-near", "1-far-again"]
     assert [each["tolerance"] for each in record["materials"]] == [None, {"cole": 0.2}, None]
     assert set(record["margins"]) == {"reflected", "cole"}
-    rows = (plan_facts(tmp_path / "plan") or ())[1]
+    facts = plan_facts(tmp_path / "plan")
+    assert facts is not None
+    rows = facts[1]
     assert rows["met"] == "for 2 of 2 materials"
     assert "its own: Cole error at most 0.2" in rows["material near"]
     assert "its own" not in rows["material far again"]
