@@ -144,13 +144,20 @@ def _faults_in_words(faults: dict[str, Any]) -> dict[str, Any]:
     """Return the faults of a source with the albedo, the holes and a missing reciprocity error in words."""
     holes = faults["holes"]
     found = {
-        "reciprocity_error": faults["reciprocity_error"]
-        or "not measured: fewer than ten pairs of samples with light and view exchanged",
+        "reciprocity_error": _reciprocity_in_words(faults["reciprocity_error"]),
         "albedo_by_degrees": ", ".join(f"{value:.4g} at {at}°" for at, value in faults["albedo_by_degrees"].items()),
         "holes": f"{holes['empty']} of {holes['cells']} cells ({holes['share']:.0%})",
     }
     # `albedo_by_degrees` states its angles, so that its row needs the name alone.
     return {"albedo" if name == "albedo_by_degrees" else name: found.get(name, value) for name, value in faults.items()}
+
+
+def _reciprocity_in_words(error: dict[str, float] | None) -> str:
+    """By how much values with light and view exchanged differ, pair by pair."""
+    if error is None:
+        return "not measured: fewer than ten pairs of samples with light and view exchanged"
+    pairs = f" of {int(error['pairs'])} pairs of samples" if "pairs" in error else ""
+    return f"{100 * error['median']:.2g}% in the median{pairs}, 95% of them within {100 * error['p95']:.2g}%"
 
 
 def _draw(picture: Path, subject: "Source") -> dict[str, Any]:

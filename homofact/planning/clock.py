@@ -3,7 +3,7 @@
 A plan does not know how many fits it will make. The clock expects `USUAL` per material that has not begun, also of the
 plan under another lighting that follows, `LARGER` for the larger step, and of a material without a fit that meets its
 tolerance as many as the search may still make. Its seconds come from the model of `evaluation.estimate`, corrected by
-what the fits so far have taken. The verdicts on the choices are added.
+what the fits so far have taken. The verdicts on the choices are added; where choices must be trusted, one to each fit.
 """
 
 import time
@@ -40,13 +40,15 @@ class PlanClock:
     _steps: int = 0
     _judged: int = 0
     _verdict: float = 0.0
+    _trusted: bool = False
 
-    def expect(self, materials: int, steps: int) -> None:
+    def expect(self, materials: int, steps: int, trusted: bool = False) -> None:
         """So many materials are still to be planned, and so many larger steps to be fitted after them.
 
-        `following` is the number of materials of a plan that begins after this one.
+        `following` is the number of materials of a plan that begins after this one. If some choice must be `trusted`,
+        fits are judged as soon as they are made.
         """
-        self.materials, self._steps = materials, steps
+        self.materials, self._steps, self._trusted = materials, steps, trusted
         self._judged = self._judged or materials
 
     def material(self, fits: MaterialFits, words: str) -> None:
@@ -55,8 +57,8 @@ class PlanClock:
         self.materials = max(self.materials - 1, 0)
         self._fits, self._made, self.words = fits, 0, words
         textured = [rung for rung in fits.rungs if not rung.is_colour and rung == rung.fit]
-        self._usual = fmean(self._seconds(rung) for rung in textured)
         self._verdict = verdict_seconds(len(fits.source.samples))
+        self._usual = fmean(self._seconds(rung) for rung in textured)
         self._say(words, USUAL)
 
     def asking(self, candidate: Candidate, most: int | None) -> None:
@@ -92,16 +94,18 @@ class PlanClock:
             self._asked = None
 
     def _seconds(self, candidate: Candidate) -> float:
-        """Modelled seconds of a fit of the present material."""
+        """Modelled seconds of a fit of the present material, and of its verdict where one follows at once."""
         fits = self._fits
         if fits is None:
             return _UNREAD
         method = method_of(candidate, fits.options, fits.source.default_epsilon)
-        return fit_seconds(method, training_count(fits.source, method, fits.options.held_out))
+        judging = self._verdict if self._trusted else 0.0
+        return fit_seconds(method, training_count(fits.source, method, fits.options.held_out)) + judging
 
     def _say(self, words: str, further: float) -> None:
         factor = (self._spent + _UNREAD) / (self._modelled + _UNREAD)
         now = self._asked[0] if self._asked is not None else 0.0
         others = (self.materials + self.following) * USUAL + self._steps * LARGER
         fitting = factor * (now + (further + others) * self._usual)
-        self.tell(words, time.monotonic() - self._begun, fitting + self._judged * self._verdict)
+        at_the_end = 0.0 if self._trusted else self._judged * self._verdict
+        self.tell(words, time.monotonic() - self._begun, fitting + at_the_end)

@@ -261,7 +261,8 @@ def plan_scene(
     known = {} if fits_by_source is None else fits_by_source
     clock = PlanClock(lambda words, spent, left: None) if clock is None else clock
     distinct_keys = {material.key for material in scene.materials}
-    clock.expect(len(distinct_keys), len(distinct_keys) if larger else 0)
+    trusted = any(scene.tolerance_of(material).trusted for material in scene.materials)
+    clock.expect(len(distinct_keys), len(distinct_keys) if larger else 0, trusted)
     clock.stage("preparing the lighting")
     stages = tuple(Stage.of(lighting, scene.seed) for lighting in scene.lightings)
     under = f"under {' and '.join(lighting.name for lighting in scene.lightings)}"

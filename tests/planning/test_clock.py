@@ -67,6 +67,19 @@ def test_the_time_is_of_the_whole_plan(now: list[float], monkeypatch: pytest.Mon
     assert said[-1][2] > 3 * 0.5
 
 
+def test_where_choices_must_be_trusted_each_fit_is_judged(now: list[float], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "verdict_seconds", lambda _: 0.5)
+    found, said = clock(now)
+    found.expect(3, 3, trusted=True)
+    found.material(fits_of(PAINT), "planning own")
+    # None is judged again at the end.
+    assert said[-1][2] == (USUAL + 2 * USUAL + 3 * LARGER) * 2.5
+    found.asking(FIRST, None)
+    now[0] += 2.5
+    found.asking(SECOND, None)
+    assert said[-1][2] == pytest.approx((USUAL - 1 + 2 * USUAL + 3 * LARGER) * 2.5)
+
+
 @pytest.mark.parametrize(("larger", "steps"), [(True, 2), (False, 0)])
 def test_a_plan_expects_larger_steps_only_where_they_follow(larger: bool, steps: int, now: list[float]) -> None:
     found, said = clock(now)

@@ -79,6 +79,6 @@ CHECKS = (
     Check(
         "zeros", _zeros,
         lambda f: f"{f[0]:.2g}% of the values are cut at zero: a dark frame over-subtracted, or negative values cut",
-        remedy="export the values without the cut, or leave zeros out and fit with a larger epsilon",
+        remedy="export the values without the cut, or fit with a larger epsilon, so that dark values count less",
     ),
 )  # fmt: skip

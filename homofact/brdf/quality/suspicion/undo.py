@@ -127,7 +127,8 @@ _ALL = (
     Undo("elevation", "θ is measured from the surface, not from the normal", _of_angles(_complement, _complement)),
     Undo("elevation-i", "θi is measured from the surface, not from the normal", _of_angles(_complement, _SAME)),
     Undo("elevation-o", "θo is measured from the surface, not from the normal", _of_angles(_SAME, _complement)),
-    Undo("azimuth", "one azimuth is off by 180°", _of_angles(_SAME, lambda t, p: _SAME(t, p + math.pi))),
+    Undo("azimuth", "one azimuth is off by 180°, as where it is counted from the mirror direction", _of_angles(_SAME,
+         lambda theta, phi: _SAME(theta, phi + math.pi))),
     Undo("radians", "angles in radians were read as degrees", _of_angles(_degrees, _degrees)),
     Undo("swap", "ωi and ωo are swapped", _swapped),
 )  # fmt: skip
