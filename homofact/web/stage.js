@@ -117,8 +117,8 @@ class Stage {
   drawLayer(state, key, [width, height], pass) {
     const gl = this.gl;
     const program = this.layers.get(key).use(state.surface);
-    // Where in the pixel a mesh is looked at: the centre first, then anywhere. A sphere's rim is smooth by itself.
-    const shift = state.surface === "sphere" || pass === 0 ? [0, 0]
+    // Where in the pixel a surface is looked at: the centre first, then anywhere.
+    const shift = pass === 0 ? [0, 0]
       : [((pass * 0.7548776662) % 1) - 0.5, ((pass * 0.569840291) % 1) - 0.5];
     gl.uniform2f(program.at("u_size"), width, height);
     gl.uniform2f(program.at("u_shift"), ...shift);
