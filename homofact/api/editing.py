@@ -12,6 +12,7 @@ from homofact.api.places import check_folder, check_place
 from homofact.api.progress import Progress, ProgressSteps
 from homofact.api.viewing import NAME, view_edit
 from homofact.errors import BadInput
+from homofact.evaluation.wording import counted
 from homofact.files.folder import check_new_folder
 from homofact.files.kinds import PREPARED
 from homofact.files.lock import claimed
@@ -245,13 +246,32 @@ def _prepared(file: "EditSceneFile", steps: ProgressSteps) -> "EditResult":
     done = time.perf_counter()
     steps.stage("measuring the error")
     parts, lights = rank_errors(prepared), light_error(prepared)
+    notes = [*scene.notes, *_above_tolerance(parts, file.settings.tolerance)]
+    for line in notes[len(scene.notes) :]:
+        steps.note(line)
     report = _report(file, prepared, parts, lights)
     report["seconds"] = {
         "materials": opened - begun, "precompute": done - opened, "errors": time.perf_counter() - done,
     }  # fmt: skip
-    report["notes"] = list(scene.notes)
+    report["notes"] = notes
     report["fits"] = {words: fit.record() for words, fit in fits.made.items()}
     return EditResult(file, prepared, report, parts, tuple(fits.made.values()))
+
+
+def _above_tolerance(parts: "tuple[PartError, ...]", tolerance: float) -> list[str]:
+    """A line on the parts whose low rank errs by more than the tolerance of all bands' light; none where no part does.
+
+    Light from other surfaces may err by more, and is left out.
+    """
+    over = [part for part in parts if not part.bounced and part.error > tolerance]
+    if not over:
+        return []
+    worst = max(over, key=lambda part: part.error)
+    return [
+        f"the low rank of {counted(len(over), 'part')} errs by more than the tolerance of {tolerance:.2%}, at most by"
+        f" {worst.error:.2%} ({worst.material}, {worst.words}, rank {worst.rank}): the rank was chosen by some of the"
+        " pixels and is limited, the error is that of the worst of several edits on all pixels"
+    ]
 
 
 def _report(

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from homofact.brdf.source_names import MATERIAL_NAMES, MATERIAL_PREFIX
 from homofact.errors import BadInput
-from homofact.files.kinds import check_no_fit
+from homofact.files.kinds import EXPORT, PLAN, RESULT, check_no_fit
 from homofact.files.private import private_folder
 from homofact.files.reading import check_readable, split_member
 
@@ -38,6 +38,9 @@ def check_result(place: Path) -> None:
     if str(place).startswith(MATERIAL_PREFIX):
         hint = f"fit it first: `homofact.fit({str(place)!r})`"
         raise BadInput("is a material", where=place, expected="a saved fit", hint=hint)
+    if place.is_dir() and PLAN.is_at(place):
+        choices = sorted(str(each) for each in place.iterdir() if RESULT.is_at(each) or EXPORT.is_at(each))
+        raise BadInput(where=place, found="a plan", expected=f"the folder of one of its choices: {', '.join(choices)}")
     if not saved_file(place, "manifest.json").exists():
         raise BadInput("no such file", where=place, expected="a saved factorization")
 
@@ -48,7 +51,6 @@ def check_folder(folder: Path, force: bool) -> None:
     Raises BadInput; leaves nothing behind.
     """
     from homofact.files.folder import check_new_folder
-    from homofact.files.kinds import RESULT
 
     check_new_folder(folder, RESULT, force)
     _try_writing(folder, folder.resolve())

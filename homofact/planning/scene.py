@@ -30,7 +30,9 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
+from homofact.brdf.source_names import MATERIAL_PREFIX
 from homofact.errors import BadInput
+from homofact.files.kinds import check_no_fit
 from homofact.files.reading import read_toml
 from homofact.planning.tolerance import KINDS, Tolerance
 from homofact.rendering.environment import read_environment
@@ -152,6 +154,7 @@ class _MaterialTable(_MaterialKeys):
         """Return the material, a file looked for in `folder`; `place` names it in messages. Raises BadInput."""
         own = None if self.tolerance is None else self.tolerance.tolerance()
         source = found_source(self.source, folder, f"{place}.source")
+        check_no_fit(Path(source), f"{place}.source", f"a measurement or {MATERIAL_PREFIX}NAME")
         return SceneMaterial(source, self.share, self.pixels, self.name, own)
 
 

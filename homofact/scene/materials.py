@@ -17,7 +17,6 @@ from homofact.containers.srgb import decode_srgb
 from homofact.errors import BadInput
 from homofact.exporting.as_source import is_fit
 from homofact.exporting.result import open_result
-from homofact.files.kinds import check_no_fit
 from homofact.files.reading import split_member
 from homofact.meshes.gltf_parts import gltf_part, is_gltf
 from homofact.scene.file_fits import FileFit, FileFits
@@ -148,5 +147,4 @@ def found_source(text: str, folder: Path, where: str) -> str:
     path = split_member(folder / text)[0]
     if not Path(path).exists():
         raise BadInput(f"no file {path}", where=where, expected=f"a measurement or {MATERIAL_PREFIX}NAME")
-    check_no_fit(Path(path), where, f"a measurement or {MATERIAL_PREFIX}NAME")
     return str(folder / text)
