@@ -218,7 +218,8 @@ def open_source(
     Raises BadInput for an unknown material, faults of a file, channels that the source does not have, and repairs of a
     source that is not a list of samples.
     """
-    return Opening(text, channels, count, scheme, seed, "", tuple(calibrate), clipped, tuple(dismiss)).open()
+    checked = (dismiss,) if isinstance(dismiss, str) else tuple(dismiss)
+    return Opening(text, channels, count, scheme, seed, "", tuple(calibrate), clipped, checked).open()
 
 
 def _mended(
