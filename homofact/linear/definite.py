@@ -62,20 +62,19 @@ def penalised_lower(whole, part, sign, first, columns, values, scale, ridge):  #
 
 
 @kernel(nogil=True)
-def symmetric_total(halves):  # pragma: no cover (compiled)
-    """The symmetric matrix (T, T) whose lower triangle is the sum of those of `halves` (P, T, T), in their order."""
-    count, size = halves.shape[0], halves.shape[1]
-    result = np.empty((size, size))
-    for row in range(size):
-        for column in range(row + 1):
-            result[row, column] = halves[0, row, column]
-        for part in range(1, count):
+def make_symmetric(matrix, part):  # pragma: no cover (compiled)
+    """Make `matrix` (T, T), in place, the symmetric one whose lower triangle is the sum of its own and that of `part`.
+
+    `part` may be empty (0, 0).
+    """
+    size = matrix.shape[0]
+    if part.shape[0] > 0:
+        for row in range(size):
             for column in range(row + 1):
-                result[row, column] += halves[part, row, column]
+                matrix[row, column] += part[row, column]
     # Eight lines at a time: more of them, a power of two apart, would push each other out of the cache.
     for top in range(0, size, 8):
         for left in range(0, top + 8, 8):
             for row in range(top, min(top + 8, size)):
                 for column in range(left, min(left + 8, row)):
-                    result[column, row] = result[row, column]
-    return result
+                    matrix[column, row] = matrix[row, column]

@@ -25,7 +25,7 @@ from homofact.linear.definite import penalised_lower, solve_lower
 from homofact.linear.laplacian import laplacian
 from homofact.linear.layout import TexelLayout
 from homofact.linear.normal import Lookup, NormalEquations, accumulate, accumulate_lower, stencil_rows
-from homofact.linear.size import is_dense
+from homofact.linear.size import ROWS, is_dense
 
 RELATIVE_RIDGE = 1e-9
 
@@ -128,14 +128,12 @@ class LeastSquares:
 
     def normal(self) -> tuple[Tensor, Tensor]:
         """Return (BᵀWB + λ'LᵀL + δI, BᵀWf) restricted to the kept unknowns: (K, K), (K, C), dense."""
-        kept = self.kept
-        matrix = self.data.matrix.clone()
-        _add_penalty(matrix, self.roughness, self.penalty_scale, self.ridge)
+        matrix = _among(self.data.matrix, self.kept)
+        _add_penalty(matrix, self.roughness, self.penalty_scale, self.ridge, self.kept)
         if self.gauge is not None:
-            matrix.addmm_(self.gauge, self.gauge.T, alpha=self.gauge_scale)
-        if bool(kept.all()):
-            return matrix, self.data.rhs
-        return matrix[kept][:, kept], self.data.rhs[kept]
+            gauge = self.gauge[self.kept]
+            matrix.addmm_(gauge, gauge.T, alpha=self.gauge_scale)
+        return matrix, self.data.rhs[self.kept]
 
     def rows(self) -> tuple[scipy.sparse.csr_matrix, np.ndarray]:
         """The stacked sparse rows [√W B; √λ' L; √δ I; √μ Zᵀ] (·, K) and targets [√W f; 0; 0; 0] (·, C), on the CPU."""
@@ -208,12 +206,11 @@ def minimum(problem: LeastSquares) -> tuple[Tensor, float]:
     Σ w f² − yᵀBᵀWf, what is left of the penalised sum at its minimum.
     """
     if problem.weights.device.type == "cpu":
-        triangles, rhs, energy = accumulate_lower(
+        whole, part, rhs, energy = accumulate_lower(
             problem.coordinates, problem.lookups, problem.targets, problem.weights, problem.unknowns
         )
         gram, scale = problem.roughness.gram, problem.penalty_scale.numpy().ravel()
-        rest = triangles[1] if len(triangles) > 1 else np.zeros((0, 0))
-        lower = penalised_lower(triangles[0], rest, 1.0, gram.indptr, gram.indices, gram.data, scale, problem.ridge)
+        lower = penalised_lower(whole, part, 1.0, gram.indptr, gram.indices, gram.data, scale, problem.ridge)
         solution = solve_lower(lower, rhs)
         if solution is not None:
             return torch.from_numpy(solution), max(float(energy.sum() - (solution * rhs).sum()), 0.0)
@@ -222,11 +219,27 @@ def minimum(problem: LeastSquares) -> tuple[Tensor, float]:
     return texels, max(float(data.energy.sum() - (texels * data.rhs).sum()), 0.0)
 
 
-def _add_penalty(matrix: Tensor, roughness: Roughness, scale: Tensor, ridge: float) -> None:
-    """Add λ'LᵀL + δI to `matrix` (T, T) in place, with λ' (T, 1)."""
+def _among(matrix: Tensor, kept: Tensor) -> Tensor:
+    """A copy of the rows and columns of `matrix` (T, T) that are `kept` (T,), without another one beside it."""
+    if bool(kept.all()):
+        return matrix.clone()
+    places = kept.nonzero()[:, 0]
+    found = matrix.new_empty(len(places), len(places))
+    for begin in range(0, len(places), ROWS):
+        piece = slice(begin, begin + ROWS)
+        found[piece] = matrix[places[piece]][:, places]
+    return found
+
+
+def _add_penalty(matrix: Tensor, roughness: Roughness, scale: Tensor, ridge: float, kept: Tensor | None = None) -> None:
+    """Add λ'LᵀL + δI in place, with λ' (T, 1), to `matrix` (T, T), or (K, K) of the unknowns `kept` (T,)."""
     # L is block diagonal and λ' constant within a block, so diag(λ') LᵀL is symmetric.
     row, column, values = (entries.to(matrix.device) for entries in roughness.places)
-    matrix[row, column] += scale[row, 0] * values
+    added = scale[row, 0] * values
+    if kept is not None:
+        both, number = kept[row] & kept[column], kept.cumsum(0) - 1
+        row, column, added = number[row[both]], number[column[both]], added[both]
+    matrix[row, column] += added
     matrix.diagonal().add_(ridge)
 
 

@@ -17,7 +17,7 @@ import torch
 from torch import Tensor
 
 from homofact.linear.bilinear import stencil
-from homofact.linear.definite import symmetric_total
+from homofact.linear.definite import make_symmetric
 from homofact.linear.kernels import kernel
 from homofact.linear.layout import CLAMPED, Axes, Axis, Shape
 from homofact.linear.threads import in_parallel
@@ -120,23 +120,28 @@ def accumulate_compiled(
     coordinates: Tensor, lookups: tuple[Lookup, ...], targets: Tensor, weights: Tensor, unknowns: int
 ) -> NormalEquations:
     """Return the same on the CPU, compiled: stencils are made and used sample by sample, none is stored."""
-    halves, rhs, energy = accumulate_lower(coordinates, lookups, targets, weights, unknowns)
-    matrix = torch.from_numpy(symmetric_total(halves))
-    return NormalEquations(matrix, torch.from_numpy(rhs), torch.from_numpy(energy), float(weights.sum()))
+    matrix, part, rhs, energy = accumulate_lower(coordinates, lookups, targets, weights, unknowns)
+    make_symmetric(matrix, part)
+    return NormalEquations(
+        torch.from_numpy(matrix), torch.from_numpy(rhs), torch.from_numpy(energy), float(weights.sum())
+    )
 
 
 def accumulate_lower(
     coordinates: Tensor, lookups: tuple[Lookup, ...], targets: Tensor, weights: Tensor, unknowns: int
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return (lower triangles (P, T, T) whose sum is BᵀWB's, BᵀWf (T, C), Σ w f² (C,)) of samples on the CPU."""
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return (two lower triangles (T, T) whose sum is BᵀWB's, BᵀWf (T, C), Σ w f² (C,)) of samples on the CPU.
+
+    The second triangle is empty (0, 0) where there is little work.
+    """
     entries = 4 * len(lookups)
     arrays = (coordinates.contiguous().numpy(), *pack(lookups), targets.contiguous().numpy())
     weighting = weights.contiguous().numpy()
     ranges = _ranges(coordinates.shape[0], entries * entries)
-    halves = np.zeros((len(ranges), unknowns, unknowns))
+    halves = [np.zeros((unknowns, unknowns)) for _ in ranges]
     rest = in_parallel(lambda place: _accumulate(*arrays, weighting, halves[place], *ranges[place]), range(len(ranges)))
     rhs, energy = (np.sum([part[number] for part in rest], axis=0) for number in (0, 1))
-    return halves, rhs, energy
+    return halves[0], halves[1] if len(halves) > 1 else np.zeros((0, 0)), rhs, energy
 
 
 def _ranges(count: int, cost: int) -> list[tuple[int, int]]:

@@ -12,6 +12,7 @@ from pathlib import Path
 from homofact.errors import BadInput
 
 MOST_DENSE = 8192
+ROWS = 1024  # of a large matrix that are worked on at a time
 _GIGABYTE = 2**30
 # Interpreter, libraries and the sources' own tables.
 _BESIDE = 0.6 * _GIGABYTE

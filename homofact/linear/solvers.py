@@ -26,7 +26,7 @@ from homofact.linear.condition import condition_of_factor
 from homofact.linear.definite import solve_lower
 from homofact.linear.least_squares import LeastSquares, minimum_norm
 from homofact.linear.names import SOLVER_NAMES
-from homofact.linear.size import is_dense
+from homofact.linear.size import ROWS, is_dense
 from homofact.linear.sparse_solve import conjugate
 
 TOLERANCE = 1e-14
@@ -60,13 +60,20 @@ def cholesky(problem: LeastSquares) -> Solution:
         return Solution(texels, answer.status, answer.steps, answer.condition)
     matrix, rhs = problem.normal()
     if matrix.device.type == "cpu":
-        factor = matrix.numpy().copy()
+        norm, factor = _norm(matrix), matrix.numpy()
+        # In the matrix's own place: a copy of a large one would be half a gigabyte.
         solution = solve_lower(factor, rhs.numpy())
         if solution is not None:
-            condition = condition_of_factor(factor, float(np.abs(matrix.numpy()).sum(0).max()))
+            condition = condition_of_factor(factor, norm)
             return Solution(problem.expand(torch.from_numpy(solution)), Status.DIRECT, 0, condition, factor.T)
+        matrix, rhs = problem.normal()
     solution, status = solve_definite(matrix, rhs)
     return Solution(problem.expand(solution), status, 0)
+
+
+def _norm(matrix: Tensor) -> float:
+    """The 1-norm of a matrix, some rows at a time."""
+    return float(sum(rows.abs().sum(0) for rows in matrix.split(ROWS)).max())
 
 
 def solve_definite(matrix: Tensor, rhs: Tensor) -> tuple[Tensor, Status]:
