@@ -9,6 +9,7 @@ import hashlib
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +20,7 @@ from homofact.brdf.source import Opening, Source
 from homofact.brdf.source_names import CALIBRATIONS, MOST_COUNT
 from homofact.brdf.stratified import stratified_subset
 from homofact.errors import BadInput
+from homofact.evaluation.kept import Kept
 from homofact.files.fields import Fields
 from homofact.files.reading import split_member
 
@@ -153,9 +155,22 @@ class Split:
     def parts(self, source: Source) -> tuple[Samples, Samples | None]:
         """Return (training, held out) of a source, as measured; no held-out ones where `held_out` is 0.
 
-        The training samples are those of the subset, and say in their provenance which split they are of. Raises
-        BadInput for a part that is none, and for too few samples.
+        The training samples are those of the subset, and say in their provenance which split they are of. The parts
+        of a source's last split are kept with it. Raises BadInput for a part that is none, and for too few samples.
         """
+        return self._kept(source).parts
+
+    def test_samples(self, source: Source) -> Samples:
+        """What errors are measured on: the held-out samples, all where none were held out, at random azimuths."""
+        return self._kept(source).test
+
+    def _kept(self, source: Source) -> "_Drawn":
+        last = _LAST.of(source)
+        if not last or last[0].split != self:
+            last[:] = [_Drawn(self, self._parts(source), source.samples)]
+        return last[0]
+
+    def _parts(self, source: Source) -> tuple[Samples, Samples | None]:
         held: Samples | None = None
         train = source.samples
         if self.held_out != 0:
@@ -163,11 +178,6 @@ class Split:
         if self.subset > 0:
             train = stratified_subset(train, self.subset, self.seed)
         return replace(train, provenance=train.provenance | {"split": self.record()}), held
-
-    def test_samples(self, source: Source) -> Samples:
-        """What errors are measured on: the held-out samples, all where none were held out, at random azimuths."""
-        held = self.parts(source)[1]
-        return (source.samples if held is None else held).rotated_at_random(self.seed)
 
     def open(self, near: Sequence[str | os.PathLike[str]] = ()) -> Source:
         """Return the source again, with the same samples.
@@ -216,3 +226,21 @@ class Split:
         tried += [folder / Path(path).name for folder in (*folders, *above[:1])]
         there = dict.fromkeys(os.path.abspath(place) for place in tried if Path(split_member(str(place))[0]).is_file())
         yield from there
+
+
+@dataclass(frozen=True)
+class _Drawn:
+    """What a split has made of `samples`: the parts, and the tests at random azimuths."""
+
+    split: Split
+    parts: tuple[Samples, Samples | None]
+    samples: Samples
+
+    @cached_property
+    def test(self) -> Samples:
+        held = self.parts[1]
+        return (self.samples if held is None else held).rotated_at_random(self.split.seed)
+
+
+# The last split of a source, in a list of one.
+_LAST: Kept[list[_Drawn]] = Kept(lambda source: [])
