@@ -52,6 +52,7 @@ class SourceComparison:
     def measured(self) -> "list[MeasuredFit]":
         """Return every fit with its numbers."""
         from homofact.evaluation.means import MeasuredFit, settings_in_words
+        from homofact.methods.table import bytes_to_fill
 
         found = []
         for label, seeds in self.rows.items():
@@ -61,7 +62,7 @@ class SourceComparison:
                     MeasuredFit(
                         self.source.name, label, row.settings.seed, fit.nbytes, fit.fetches, values,
                         fit.transform.epsilon, row.samples, held_out, row.verdict.figures.light.reciprocity,
-                        settings_in_words(row.settings), row.settings.bytes,
+                        settings_in_words(row.settings), bytes_to_fill(row.settings),
                     )
                 )  # fmt: skip
         return found

@@ -26,6 +26,9 @@ WHITE_STANDARD = (
     " (often π), an offset or a gamma in the values."
 )
 
+# Of the spread around the normal: less is noise, and not told.
+_TOLD_AROUND = 0.15
+
 
 @dataclass(frozen=True)
 class InfoResult:
@@ -145,11 +148,25 @@ def _faults_in_words(faults: dict[str, Any]) -> dict[str, Any]:
     holes = faults["holes"]
     found = {
         "reciprocity_error": _reciprocity_in_words(faults["reciprocity_error"]),
+        "differs_around_the_normal": _around_in_words(faults.get("differs_around_the_normal")),
         "albedo_by_degrees": ", ".join(f"{value:.4g} at {at}°" for at, value in faults["albedo_by_degrees"].items()),
         "holes": f"{holes['empty']} of {holes['cells']} cells ({holes['share']:.0%})",
     }
     # `albedo_by_degrees` states its angles, so that its row needs the name alone.
-    return {"albedo" if name == "albedo_by_degrees" else name: found.get(name, value) for name, value in faults.items()}
+    words = {
+        "albedo" if name == "albedo_by_degrees" else name: found.get(name, value) for name, value in faults.items()
+    }
+    return {name: value for name, value in words.items() if value != "" and value is not None}
+
+
+def _around_in_words(spread: float | None) -> str:
+    """What samples along the normal say of isotropy; "" where it is nothing to be told."""
+    if spread is None or spread < _TOLD_AROUND:
+        return ""
+    return (
+        f"by {spread:.0%} (typical of the angles): lit or seen along the normal, an isotropic material looks the same"
+        " from all azimuths; average these samples, or state that the material is anisotropic"
+    )
 
 
 def _reciprocity_in_words(error: dict[str, float] | None) -> str:
@@ -157,7 +174,10 @@ def _reciprocity_in_words(error: dict[str, float] | None) -> str:
     if error is None:
         return "not measured: fewer than ten pairs of samples with light and view exchanged"
     pairs = f" of {int(error['pairs'])} pairs of samples" if "pairs" in error else ""
-    return f"{100 * error['median']:.2g}% in the median{pairs}, 95% of them within {100 * error['p95']:.2g}%"
+    median, most = (
+        f"{100 * error[name]:.2g}" if error[name] < 0.995 else f"{100 * error[name]:.0f}" for name in ("median", "p95")
+    )
+    return f"{median}% in the median{pairs}, 95% of them within {most}%"
 
 
 def _draw(picture: Path, subject: "Source") -> dict[str, Any]:

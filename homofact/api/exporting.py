@@ -84,6 +84,7 @@ class ExportResult:
     prefiltered: "PrefilteredExport | None" = None
     light: "UnderSkies | None" = None
     likeness: "Likeness | None" = None
+    doubt: str = ""
 
     def record(self) -> dict[str, Any]:
         """Return the JSON form."""
@@ -196,7 +197,9 @@ def export(
 
             steps.stage("filtering the environment")
             made = replace(made, prefiltered=prefiltered_export(made.stored, light, made.format, side))
-        return work.write(given.words, folder, made, rows, of_engine, force)
+        written = work.write(given.words, folder, made, rows, of_engine, force)
+    verdict = given.verdict
+    return written if verdict is None or verdict["trusted"] else replace(written, doubt=verdict["summary"])
 
 
 def _format_of(form: str | None, quantize: str | None) -> str | None:

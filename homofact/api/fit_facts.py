@@ -4,7 +4,8 @@ from pathlib import Path
 from typing import Any
 
 from homofact.api.loading import load
-from homofact.api.plan_facts import plan_entry
+from homofact.api.subjects import GivenFit
+from homofact.brdf.source_names import DISMISSED
 from homofact.errors import BadInput
 from homofact.factor.edited import edits_in_words
 from homofact.factor.fixed_projections import EDITS
@@ -48,15 +49,14 @@ def fit_facts(place: Path) -> tuple[str, dict[str, Any], dict[str, Any]] | None:
     edits = edits_in_words(fit.provenance)
     if edits:
         rows["edits"] = edits
-    verdict = fit.verdict
-    if verdict is not None:
-        facts["verdict"] = {"trusted": verdict.trusted, "summary": verdict.summary}
-        rows["verdict"] = verdict.summary
-    elif (entry := plan_entry(place)) is not None and isinstance(entry.get("verdict"), dict):
-        # The textures of 8 bits in a plan have no report of their own.
-        own = entry["verdict"]
-        facts["verdict"] = {"trusted": own.get("trusted"), "summary": own.get("summary")}
-        rows["verdict"] = str(own.get("summary"))
+    checked = list(source.get(DISMISSED) or ()) if isinstance(source, dict) else []
+    if checked:
+        facts[DISMISSED] = checked
+        rows["not suspected"] = f"{', '.join(checked)}: dismissed when the fit was made"
+    said, verdict = GivenFit(str(place), place).verdict, fit.verdict
+    if said is not None:
+        facts["verdict"] = said
+        rows["verdict"] = said["summary"]
     bars = None if verdict is None else verdict.bars
     if bars is not None:
         facts["bars"] = bars.record()

@@ -56,7 +56,7 @@ def _rows(found: Mapping[str, Any]) -> dict[str, Any]:
     met = sum(bool(each["met"]) for each in distinct)
     rows: dict[str, Any] = {
         "kind": PLAN.what,
-        "tolerance": Tolerance.of(**found["tolerance"]).describe(),
+        "tolerance": None if found["tolerance"] is None else Tolerance.of(**found["tolerance"]).describe(),
         "lighting": listed([each["name"] for each in found["lightings"]]),
         "met": f"for {met} of {counted(len(names), 'material')}",
         "bytes": found["bytes"],

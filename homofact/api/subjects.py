@@ -46,6 +46,25 @@ class GivenFit:
         source = None if entry is None else entry.get("source")
         return (folder, Path(source).parent) if isinstance(source, str) else (folder,)
 
+    @property
+    def verdict(self) -> dict[str, Any] | None:
+        """Whether its report, or that of its plan, trusts the fit, and the verdict in a sentence; None without one.
+
+        The textures of 8 bits in a plan have no report of their own.
+        """
+        if self.place is None:
+            own = getattr(self.found, "verdict", None)
+            return None if own is None else {"trusted": own.trusted, "summary": own.summary}
+
+        from homofact.exporting.result import read_record
+
+        entry = plan_entry(self.place if self.place.is_dir() else self.place.parent)
+        for record in (read_record(self.place), entry or {}):
+            found = record.get("verdict")
+            if isinstance(found, dict) and isinstance(found.get("summary"), str):
+                return {"trusted": bool(found.get("trusted")), "summary": found["summary"]}
+        return None
+
     def open(self) -> "Fitted":
         """Return the stored representation. Raises BadInput for what is no fit."""
         if self.place is not None:

@@ -143,6 +143,7 @@ def _warnings(found: ExportResult) -> list[str]:
     """What to beware of."""
     why = found.caution if found.source_found else f"no error on samples: {found.caution}; --source names it"
     told = [
+        f"read the verdict before you ship: {found.doubt}" if found.doubt else "",
         "" if found.likeness is None else found.likeness.warning_of(found.prefiltered is not None),
         "" if found.light is None else found.light.warning,
     ]

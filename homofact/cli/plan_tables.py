@@ -74,7 +74,7 @@ def step_table(found: "ScenePlan") -> Table | None:
     table.add_column("representation")
     add_figures(table, "bytes", "of limit")
     for each in found.distinct:
-        name = name_of(each)
+        name: str | Text = name_of(each)
         up, enough = larger(each), sufficient(each)
         steps = [("smaller", smaller(each)), ("larger", up)]
         # The budget may rule out what would meet the tolerance.
@@ -85,8 +85,12 @@ def step_table(found: "ScenePlan") -> Table | None:
                 if step == "larger" and each.outcome is not None and each.outcome.error > 0:
                     table.add_row(name, step, *_no_better(best_larger(each)))
                 continue
-            table.add_row(name, step, one.candidate.words, str(one.bytes), _used(one))
-            name = Text("")
+            words = one.candidate.words
+            if one == enough:
+                # Perhaps it is the fetches that the budget rules it out by.
+                words += f", {counted(each.walk.asked[one.candidate].fetches, 'fetch')}"
+            table.add_row(name, step, words, str(one.bytes), _used(one))
+            name = ""
     return table if table.row_count else None
 
 
@@ -100,7 +104,11 @@ def _no_better(best: "Neighbour | None") -> tuple[str, str, str]:
     """Representation, bytes and error of a larger step that gains nothing: the best of what was tried or expected."""
     if best is None:
         return "no larger candidate", "–", "–"
-    why = "none tried is better; best" if best.measured else "not tried, expected to be no better; best"
+    why = (
+        "found none that errs less; best of those tried"
+        if best.measured
+        else "not tried, expected to err no less; best"
+    )
     return f"{why}: {best.candidate.words}", str(best.bytes), _used(best)
 
 

@@ -7,6 +7,7 @@ from rich.table import Table
 from rich.text import Text
 
 from homofact.cli.layout import add_figures, add_names, plain_table
+from homofact.errors import Status
 from homofact.evaluation.wording import brief_figure, counted, figure, shapes
 
 if TYPE_CHECKING:
@@ -216,17 +217,22 @@ def mean_table(rows: "Sequence[MeanRow]") -> Table:
 def chart_table(title: str, records: Sequence[Mapping[str, Any]], base: float | None) -> Table:
     """Return one line a point: its held-out Cole error, that as a share of `base` (McCool's), its cost, how it ended.
 
-    A record of several seeds has its means and the standard deviation of the error.
+    The last is left out where all are converged or direct. A record of several seeds has its means and the standard
+    deviation of the error.
     """
     from homofact.evaluation.chart_ledger import series_name
 
     table = plain_table(title)
-    add_names(table)
+    add_names(table, longest=max(len(series_name(record["label"], record["search"])) for record in records))
     spread = any("spread" in record for record in records)
     add_figures(
         table, *("textures", "error", *(("± seeds",) if spread else ()), "of McCool", "bytes", "fetches", "fit s")
     )
-    table.add_column("ended", no_wrap=True)
+    # Where all ended as they should there is nothing to say, and the table fits a narrow terminal.
+    usual = {Status.CONVERGED.value, Status.DIRECT.value}
+    odd = any(not set(str(record["status"]).split(", ")) <= usual for record in records)
+    if odd:
+        table.add_column("ended", no_wrap=True)
     for record in records:
         held = record["error"]["held_out"]["log_mse"]
         luck = _deviation(record["spread"]["error"]["held_out"]["log_mse"]) if "spread" in record else ""
@@ -238,7 +244,7 @@ def chart_table(title: str, records: Sequence[Mapping[str, Any]], base: float | 
             "–" if base is None else f"×{held / base:.2f}" if held >= 0.1 * base else f"×{held / base:.2g}",
             *(str(record[name]) for name in ("bytes", "fetches")),
             f"{record['seconds']['fit']:.3g}",
-            str(record["status"]),
+            *((str(record["status"]),) if odd else ()),
         )
     return table
 

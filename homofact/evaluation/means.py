@@ -26,7 +26,7 @@ _COLUMNS = (
 OF_EPSILON = ("log_mse", "log_mae", "log_max")
 _ROUNDING = 1e-3  # of the light: so much may change where light and viewer are swapped
 # Settings that decide how well a method does, as the comments of a table name them.
-_SETTINGS = ("textures", "size", "bytes", "effort", "budget", "restarts", "joint_terms")
+_SETTINGS = ("textures", "size", "bytes", "effort", "budget", "restarts", "joint_terms", "reciprocal")
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class MeasuredFit:
 
     `epsilon` is that of its log transform, `samples` how many the source has, `held_out` how many of them the numbers
     are from. `swapped` is the share of the fit's light that changes where light and viewer are swapped, `settings`
-    are those of its method in words, and `asked` is the number of bytes that it was given to fill.
+    are those of its method in words, and `asked` is the number of bytes that it had to fill.
     """
 
     source: str
@@ -182,7 +182,7 @@ def settings_in_words(settings: Any) -> str:
         given["textures"] = f"up to {settings.most_textures}"
     if given.get("effort") in DESCENDING and own.get("projections") is None:
         given.pop("restarts", None)
-    return ", ".join(f"{name} {value}" for name, value in given.items())
+    return ", ".join(name if value is True else f"{name} {value}" for name, value in given.items())
 
 
 def _plain(value: float | None) -> str:

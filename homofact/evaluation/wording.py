@@ -43,10 +43,12 @@ def part_of_limit(ratio: float) -> str:
 
     Examples
     --------
-    >>> [part_of_limit(ratio) for ratio in (0.874, 9.99, 10.0, 173.46, 2.5e6)]
-    ['87%', '999%', '10 ×', '173 ×', '2.5e+06 ×']
+    >>> [part_of_limit(ratio) for ratio in (0.874, 1.0, 1.002, 9.99, 10.0, 173.46, 2.5e6)]
+    ['87%', '100%', 'over 100%', '999%', '10 ×', '173 ×', '2.5e+06 ×']
     """
     percent = f"{ratio:.0%}"
+    if ratio > 1 and percent == "100%":
+        return "over 100%"
     if len(percent) < len("1000%"):
         return percent
     return f"{ratio:.0f} ×" if ratio < 1e5 else f"{figure(ratio)} ×"

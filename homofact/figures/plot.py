@@ -12,14 +12,14 @@ from homofact.evaluation.compare import ComparisonRow
 from homofact.evaluation.metric_table import METRICS, SIX
 from homofact.evaluation.seeds import SeedRows
 from homofact.evaluation.spread import Spread
-from homofact.evaluation.wording import shapes
+from homofact.evaluation.wording import counted, shapes
 from homofact.figures.log_axis import log_x
 from homofact.figures.words import in_figure
 from homofact.files.atomic import replace_file
 
 _TRAINING, _HELD_OUT = "#6a8db3", "#12385f"
-# Of the panel's width, where the right ends of the two columns of numbers are.
-_FIRST, _SECOND = 1.24, 1.5
+# Points from the panel's right edge to the right ends of the two columns of numbers, however wide the panel is.
+_FIRST, _SECOND = 56, 110
 _COLUMN: dict[str, Any] = {
     "xycoords": "axes fraction", "textcoords": "offset points", "ha": "right", "va": "bottom", "fontsize": 8,
     "annotation_clip": False,
@@ -39,8 +39,7 @@ def plot_rows(path: str | os.PathLike[str], rows: Sequence[ComparisonRow | SeedR
     several = [row if isinstance(row, SeedRows) else SeedRows((row,)) for row in rows]
     names = [_name(row) for row in several]
     figure = Figure(figsize=(13, 1.6 + 2 * (0.5 + 0.3 * len(rows))))
-    # The numbers of the last panels reach beyond what the layout takes them to.
-    figure.set_layout_engine("constrained", rect=(0, 0, 0.985, 1), wspace=0.06, hspace=0.08)
+    figure.set_layout_engine("constrained", wspace=0.04, hspace=0.08)
     axes = figure.subplots(2, 3, sharey=True)
     for number, (axis, name) in enumerate(zip(axes.ravel(), SIX, strict=True)):
         metric = METRICS[name]
@@ -49,7 +48,7 @@ def plot_rows(path: str | os.PathLike[str], rows: Sequence[ComparisonRow | SeedR
         _dots(axis, spreads)
         axis.set_title(title, fontsize=10, loc="left", pad=18)
         for place, colour, words in ((_FIRST, _TRAINING, "○ training"), (_SECOND, _HELD_OUT, "● held out")):
-            axis.annotate(words, (place, 1.0), (0, 5), color=colour, **_COLUMN)
+            axis.annotate(words, (1.0, 1.0), (place, 5), color=colour, **_COLUMN)
         axis.tick_params(axis="y", length=0, labelsize=9, labelleft=number % 3 == 0)
     axes[0, 0].set_ylim(len(rows) - 0.4, -0.6)
     axes[0, 0].set_yticks(range(len(rows)), names)
@@ -65,7 +64,7 @@ def _dots(axis: Axes, spreads: Sequence[tuple[Spread, Spread]]) -> None:
     ends = [end for pair in spreads for part in pair for end in (part.low, part.mean, part.high) if 0 < end < math.inf]
     low, high = (min(ends), max(ends)) if ends else (0.1, 1.0)
     room = max(high / low, 10.0) ** 0.06
-    log_x(axis, low / room, high * room, fewest=2, most=4)
+    log_x(axis, low / room, high * room, fewest=2, most=3)
     axis.grid(axis="x", color="#e4e4e4", linewidth=0.8)
     axis.set_axisbelow(True)
     axis.spines[["top", "right", "left"]].set_visible(False)
@@ -82,7 +81,7 @@ def _dots(axis: Axes, spreads: Sequence[tuple[Spread, Spread]]) -> None:
             axis.plot((part.low, part.high), (at, at), color=colour, linewidth=1.2)
             axis.plot(part.mean, at, "o", color=colour, **look)
         for column, colour, part in ((_FIRST, _TRAINING, train), (_SECOND, _HELD_OUT, held_out)):
-            axis.annotate(f"{part.mean:.3g}", (column, place), (0, 0), color=colour, **_COLUMN | _BESIDE)
+            axis.annotate(f"{part.mean:.3g}", (1.0, place), (column, 0), color=colour, **_COLUMN | _BESIDE)
 
 
 def _name(several: SeedRows) -> str:
@@ -91,4 +90,6 @@ def _name(several: SeedRows) -> str:
     if not several.first.factorization.textures:
         lobes = getattr(settings, "lobes", 0)
         return f"{settings.name}, {lobes} lobe{'' if lobes == 1 else 's'}" if lobes else settings.name
-    return f"{settings.name}, {' or '.join(sizes)}"
+    # What others of several seeds came out with, the table of costs has.
+    first, *others = sizes
+    return f"{settings.name}, {first}" + (f" and {counted(len(others), 'other')}" if others else "")

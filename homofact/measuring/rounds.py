@@ -77,13 +77,16 @@ def check_samples(samples: "Samples") -> None:
     pairs = KDTree(places).query_pairs(_SAME_PLACE, output_type="ndarray")
     bright = samples.values.mean(1).numpy() + _DARK
     ratio = np.maximum(bright[pairs[:, 0]] / bright[pairs[:, 1]], bright[pairs[:, 1]] / bright[pairs[:, 0]])
-    if len(ratio) and ratio.max() > _CONTRADICTS:
+    count = int((ratio > _CONTRADICTS).sum())
+    if count:
         one, other = sorted(pairs[int(np.argmax(ratio))].tolist())
         at = f"theta_i {places[one, 0]:.4g}, theta_o {places[one, 1]:.4g}, phi {turn[one]:.4g} degrees"
         raise BadInput(
-            f"samples {one + 1} and {other + 1} contradict each other:"
+            f"samples {one + 1} and {other + 1}{f', and {count - 1} other pairs,' if count > 1 else ''} contradict each"
+            " other:"
             f" {bright[one] - _DARK:.3g} and {bright[other] - _DARK:.3g} sr⁻¹ at {at}",
-            where="samples", expected=f"values within a factor of {_CONTRADICTS}: remove the wrong one",
+            where="samples",
+            expected=f"values within a factor of {_CONTRADICTS} at one place: remove the wrong ones, or average them",
         )  # fmt: skip
 
 

@@ -210,8 +210,8 @@ class StructureSearch:
             return False
         self._reciprocal, self._banks = False, {}
         self._note_of_freedom = (
-            "the fit is not reciprocal, f(ωi, ωo) is not f(ωo, ωi): where the search tried both, the validation error"
-            f" was {kept:.3g} with reciprocity and {without:.3g} without ({Advice('reciprocal', True)} enforces it)"
+            f"the fit is not reciprocal, f(ωi, ωo) is not f(ωo, ωi): the validation error was {kept:.3g} with"
+            f" reciprocity and {without:.3g} without ({Advice('reciprocal', True)} enforces reciprocity)"
         )
         earlier = [freed(mix) for mix in self._levels]
         self._levels = self._trials.beside(lambda mix: self._trials.judge(mix, scale_of(mix.smoothing)), earlier)

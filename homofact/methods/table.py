@@ -34,14 +34,22 @@ def method_class(name: str) -> type[Method]:
     return ALL_METHODS[name]
 
 
+# Given bytes, these take the largest size within them.
+_SIZED_BY_BYTES = (McCool.name, Cole.name)
+
+
 def settings_of_class(method: type[Method]) -> tuple[str, ...]:
     """Return the names of a method's settings."""
     return tuple(field.name for field in fields(method))
 
 
 def methods_with(setting: str) -> tuple[str, ...]:
-    """Return the names of the methods that have a setting."""
-    return tuple(name for name, method in ALL_METHODS.items() if setting in settings_of_class(method))
+    """Return the names of the methods that have a setting, or take it as their size, as McCool and Cole do bytes."""
+    return tuple(
+        name
+        for name, method in ALL_METHODS.items()
+        if setting in settings_of_class(method) or (setting == "bytes" and name in _SIZED_BY_BYTES)
+    )
 
 
 def parsed_label(label: str) -> tuple[str, dict[str, Any]]:
@@ -103,6 +111,17 @@ def with_bytes(method: Method, count: int) -> Method | None:
     return replace(method, size=size)
 
 
+def bytes_to_fill(method: Method) -> int | None:
+    """Return the bytes that a method has for its textures: those given, or of McCool's and Cole's those of their size.
+
+    These two take the shape within their size that fits the source best, so their fits differ by some texels. None
+    where neither is said.
+    """
+    if isinstance(method, McCool | Cole):
+        return _RGB_TEXEL * method.most_textures * method.size**2
+    return method.bytes
+
+
 def _size_within(count: int, method: Method) -> int:
     """The largest size at which all textures of a method are within so many bytes."""
     return math.isqrt(count // (_RGB_TEXEL * method.most_textures))
@@ -125,7 +144,10 @@ def mccool_like(method: Method) -> McCool:
 
 def _built(label: str, settings: Mapping[str, Any]) -> Method:
     name, named = parsed_label(label)
-    return ALL_METHODS[name](**(dict(settings) | named))
+    own = dict(settings) | named
+    count = own.pop("bytes", None) if name in _SIZED_BY_BYTES else None
+    method = ALL_METHODS[name](**own)
+    return method if count is None else with_bytes(method, count) or method
 
 
 def _own(name: str, settings: Mapping[str, Any]) -> dict[str, Any]:

@@ -10,6 +10,7 @@ margin for other views in a lighter colour. Material and choice are named beside
 import math
 import os
 from collections.abc import Iterable
+from textwrap import wrap
 from typing import NamedTuple
 
 import matplotlib
@@ -36,8 +37,10 @@ _LIMIT = "#b03030"
 _LEAST = 1e-3
 # Errors whose logarithms differ by less lie on one spot of the panel.
 _SAME = 0.05
-_MARKER, _RING = 6.0, 14.0  # across, in points
+_MARKER, _RING, _CROSS = 6.0, 14.0, 9.0  # across, in points
 _MOST_LETTERS, _MOST_NAMES, _FEWEST_ROWS = 32, 20, 3
+# Of a line of the title over two panels, and over one.
+_LETTERS_WIDE, _LETTERS_NARROW = 150, 95
 
 
 def plot_plan(path: str | os.PathLike[str], plan: ScenePlan) -> None:
@@ -60,7 +63,8 @@ def plot_plan(path: str | os.PathLike[str], plan: ScenePlan) -> None:
         where = ", ".join(lighting.name for lighting in plan.scene.lightings)
         head = f"{plan.scene.name}: {plan.tolerance_words}, under {where}."
         foot = f"{plan.bytes} bytes; {plan.fits} of {plan.exhaustive_fits} possible fits made"
-        figure.suptitle(in_figure(f"{head} {foot}" if compared else f"{head}\n{foot}"), fontsize=10)
+        lines = wrap(f"{head} {foot}", _LETTERS_WIDE if compared else _LETTERS_NARROW)
+        figure.suptitle(in_figure("\n".join(lines)), fontsize=10)
         if left is not None:
             # Labels are put where they fit, which is known once the layout is.
             figure.canvas.draw()
@@ -70,11 +74,15 @@ def plot_plan(path: str | os.PathLike[str], plan: ScenePlan) -> None:
 
 
 class _Spot(NamedTuple):
-    """One or several representations of a material that are of the same bytes and of an error within `_SAME`."""
+    """One or several representations of a material that are of the same bytes and of an error within `_SAME`.
+
+    `allowed` tells whether one of them is within the scene's budget.
+    """
 
     candidates: tuple[Candidate, ...]
     place: tuple[float, float]
     chosen: bool
+    allowed: bool
 
     @property
     def shown(self) -> Candidate:
@@ -91,12 +99,13 @@ def _spots(plan: MaterialPlan) -> list[_Spot]:
     spots: list[_Spot] = []
     for candidate in sorted(asked, key=lambda key: key != plan.walk.choice):
         place = float(asked[candidate].bytes), max(asked[candidate].error, _LEAST)
-        for number, (candidates, known, chosen) in enumerate(spots):
+        own = plan.budget.allows(asked[candidate].bytes, asked[candidate].fetches)
+        for number, (candidates, known, chosen, allowed) in enumerate(spots):
             if known[0] == place[0] and abs(math.log(known[1] / place[1])) < _SAME:
-                spots[number] = _Spot((*candidates, candidate), known, chosen)
+                spots[number] = _Spot((*candidates, candidate), known, chosen, allowed or own)
                 break
         else:
-            spots.append(_Spot((candidate,), place, candidate == plan.walk.choice))
+            spots.append(_Spot((candidate,), place, candidate == plan.walk.choice, own))
     return spots
 
 
@@ -110,15 +119,24 @@ def _undercut(spots: Iterable[_Spot]) -> list[tuple[float, float]]:
 
 
 def _asked(axes: Axes, distinct: tuple[MaterialPlan, ...], is_trusted: bool) -> None:
-    errors, sizes, drawn = [1.0], [], dict[tuple[str, bool], None]()
+    errors, sizes, drawn, crossed = [1.0], [], dict[tuple[str, bool], None](), False
     for k, plan in enumerate(distinct):
         spots, colour = _spots(plan), _COLOURS[k % len(_COLOURS)]
-        axes.plot(*zip(*_undercut(spots), strict=True), color=colour, lw=0.6, alpha=0.5, zorder=1)
+        axes.plot(
+            *zip(*_undercut(spot for spot in spots if spot.allowed), strict=True),
+            color=colour,
+            lw=0.6,
+            alpha=0.5,
+            zorder=1,
+        )
         for spot in spots:
             hollow = spot.shown.storage == WHOLE
             face = "white" if hollow else colour
             kind = ONE_COLOUR if spot.shown.is_colour else spot.shown.method
             axes.plot(*spot.place, _MARKERS[kind], color=colour, ms=_MARKER, mfc=face, zorder=3)
+            if not spot.allowed:
+                axes.plot(*spot.place, "x", color=_LIMIT, ms=_CROSS, zorder=5)
+                crossed = True
             drawn[kind, hollow] = None
             if spot.chosen:
                 axes.plot(*spot.place, "o", ms=_RING, mfc="none", mec=colour, mew=1.8, zorder=4)
@@ -129,25 +147,26 @@ def _asked(axes: Axes, distinct: tuple[MaterialPlan, ...], is_trusted: bool) -> 
     # The key stands above the highest point.
     log_y(axes, min(errors) / 1.8, max(errors) * (max(errors) / min(errors)) ** 0.3 * 1.8, fewest=3)
     axes.set_xlabel("bytes of one material")
-    trusted = f"; {UNTRUSTED:g} if not trusted" if is_trusted else ""
+    trusted = f"\n(within it, but not trusted: {UNTRUSTED:g})" if is_trusted else ""
     axes.set_ylabel(f"error over tolerance, margin included{trusted}")
     axes.set_title("Candidates that were tried", fontsize=9.5)
     axes.spines[["top", "right"]].set_visible(False)
-    axes.legend(handles=_key(drawn), loc="upper right", fontsize=8, framealpha=0.9, ncols=3)
+    axes.legend(handles=_key(drawn, crossed), loc="upper right", fontsize=8, framealpha=0.9, ncols=3)
 
 
-def _key(drawn: Iterable[tuple[str, bool]]) -> list[Line2D]:
-    """An entry for each marker that is drawn (kind, whether hollow), as it is drawn, the ring and the line."""
+def _key(drawn: Iterable[tuple[str, bool]], crossed: bool) -> list[Line2D]:
+    """An entry for each marker that is drawn (kind, whether hollow), as it is drawn, the ring, the cross, the line."""
     grey = "#444444"
     return [
         *(
             Line2D(
                 [], [], ls="", marker=_MARKERS[name], color=grey, ms=6, mfc="white" if hollow else grey,
-                label=f"{name}, 8 bits" if hollow else name,
+                label=f"{name}, 8 bits" if hollow else name if name == ONE_COLOUR else f"{name}, floats",
             )
             for name, hollow in sorted(drawn, key=lambda entry: (list(_MARKERS).index(entry[0]), entry[1]))
         ),
         Line2D([], [], ls="", marker="o", mec=grey, mfc="none", mew=1.8, ms=11, label="chosen"),
+        *([Line2D([], [], ls="", marker="x", color=_LIMIT, ms=8, label="beyond the budget")] if crossed else []),
         Line2D([], [], color=_LIMIT, ls="--", lw=1.2, label="tolerance"),
     ]  # fmt: skip
 

@@ -13,7 +13,7 @@ from typing import Any
 from homofact.planning.ladder import Candidate
 from homofact.planning.material_fits import rungs_for
 from homofact.planning.plan import MaterialPlan, ScenePlan
-from homofact.planning.search import expected_errors
+from homofact.planning.search import LadderOutcome, expected_errors
 
 # An error that was only expected is named where it falls at least to this part of the choice's, for at most so many
 # times its bytes.
@@ -50,7 +50,7 @@ def smaller(plan: MaterialPlan) -> Neighbour | None:
     below = [
         (answer.error if answer.trusted else 1.0, answer.bytes, rung, answer.trusted)
         for rung, answer in plan.walk.asked.items()
-        if answer.bytes < chosen.bytes and math.isfinite(answer.error)
+        if answer.bytes < chosen.bytes and math.isfinite(answer.error) and _allowed(plan, answer)
     ]
     if not below:
         return None
@@ -67,14 +67,16 @@ def larger(plan: MaterialPlan) -> Neighbour | None:
     above = [
         Neighbour(rung, answer.bytes, answer.error, True, answer.trusted)
         for rung, answer in asked.items()
-        if answer.bytes > chosen.bytes and answer.error < chosen.error
+        if answer.bytes > chosen.bytes and answer.error < chosen.error and _allowed(plan, answer)
     ]
     if above and plan.walk.stepped:
         return min(above, key=lambda one: (one.bytes, one.error))
     pool = [
         rung
         for rung in rungs_for(plan.fits, plan.tolerance)
-        if rung not in asked and chosen.bytes < rung.most_bytes(channels) <= NEAR * chosen.bytes
+        if rung not in asked
+        and chosen.bytes < rung.most_bytes(channels) <= NEAR * chosen.bytes
+        and _may_be_allowed(plan, rung)
     ]
     if pool:
         above += [
@@ -98,19 +100,29 @@ def best_larger(plan: MaterialPlan) -> Neighbour | None:
     tried = [
         Neighbour(rung, answer.bytes, answer.error, True, answer.trusted)
         for rung, answer in asked.items()
-        if answer.bytes > chosen.bytes and math.isfinite(answer.error)
+        if answer.bytes > chosen.bytes and math.isfinite(answer.error) and _allowed(plan, answer)
     ]
     if not tried:
         pool = [
             rung
             for rung in rungs_for(plan.fits, plan.tolerance)
-            if rung not in asked and rung.most_bytes(channels) > chosen.bytes
+            if rung not in asked and rung.most_bytes(channels) > chosen.bytes and _may_be_allowed(plan, rung)
         ]
         tried = [
             Neighbour(rung, rung.most_bytes(channels), error, False)
             for rung, error in zip(pool, expected_errors(pool, asked) if pool else [], strict=True)
         ]
     return min(tried, key=lambda one: (one.error, one.bytes), default=None)
+
+
+def _allowed(plan: MaterialPlan, answer: LadderOutcome) -> bool:
+    return plan.budget.allows(answer.bytes, answer.fetches)
+
+
+def _may_be_allowed(plan: MaterialPlan, rung: Candidate) -> bool:
+    """Whether a representation is sure to be within the scene's budget: what is not is no step to take."""
+    samples = plan.fits.source.samples
+    return plan.budget.allows(rung.most_bytes(len(samples.channels)), rung.most_fetches(samples.isotropic))
 
 
 def sufficient(plan: MaterialPlan) -> Neighbour | None:

@@ -22,7 +22,7 @@ from homofact.planning.ladder import CONSTANT, LAMBERT, Candidate, FitOptions, f
 from homofact.planning.material_fits import MaterialFits, rungs_for
 from homofact.planning.measure import RepresentationEvaluator, best_colour
 from homofact.planning.missed import missed_words
-from homofact.planning.scene import Budget, Scene, SceneMaterial
+from homofact.planning.scene import NO_BUDGET, Budget, Scene, SceneMaterial
 from homofact.planning.search import UNTRUSTED, LadderOutcome, Walk, walk
 from homofact.planning.stage import Stage
 from homofact.planning.theory import order_needed
@@ -44,6 +44,7 @@ class MaterialPlan:
     judges: tuple[RepresentationEvaluator, ...]
     tolerance: Tolerance
     walk: Walk
+    budget: Budget = NO_BUDGET
 
     @property
     def name(self) -> str:
@@ -138,7 +139,7 @@ class ScenePlan:
         """The tolerances in words: the scene's, and those of materials that have their own, by name."""
         own = {plan.name: plan.tolerance.describe() for plan in self.distinct if plan.material.tolerance is not None}
         words = [f"for {name}, {limits}" for name, limits in own.items()]
-        if len(own) == len(self.distinct):
+        if len(own) == len(self.distinct) or self.scene.tolerance is None:
             return "; ".join(words)
         return "; ".join([self.scene.tolerance.describe(), *words])
 
@@ -240,7 +241,7 @@ def plan_material(
         light_reads={CONSTANT: max(stage.lighting.reads for stage in stages), LAMBERT: 9},
         before=before,
     )
-    return MaterialPlan(material, fits, judges, tolerance, walked)
+    return MaterialPlan(material, fits, judges, tolerance, walked, budget)
 
 
 def plan_scene(

@@ -18,7 +18,7 @@ def plan_record(plan: ScenePlan) -> dict[str, Any]:
     return {
         "scene": plan.scene.name,
         "seed": plan.scene.seed,
-        "tolerance": plan.scene.tolerance.record(),
+        "tolerance": None if plan.scene.tolerance is None else plan.scene.tolerance.record(),
         "margins": {kind: MARGINS[kind] for kind in plan.limited_kinds},
         "budget": vars(plan.scene.budget) | {"shared_out": plan.allocated},
         "lightings": [

@@ -81,21 +81,33 @@ class Budget:
     bytes: int | None = option(None, "Of all materials together", least=4)
     fetches: int | None = option(None, "Of one evaluation, at most", least=0)
 
+    def allows(self, nbytes: int, fetches: int) -> bool:
+        """Return whether a representation of so many bytes and fetches is within both."""
+        return (self.bytes is None or nbytes <= self.bytes) and (self.fetches is None or fetches <= self.fetches)
+
+
+NO_BUDGET = Budget()
+
 
 @dataclass(frozen=True)
 class Scene:
-    """What is planned for; the tolerance, or a material's own, holds under each of the `lightings`."""
+    """What is planned for; the tolerance, or a material's own, holds under each of the `lightings`.
+
+    `tolerance` may be None where every material has its own.
+    """
 
     name: str
     materials: tuple[SceneMaterial, ...]
     lightings: tuple[Lighting, ...]
-    tolerance: Tolerance
+    tolerance: Tolerance | None
     budget: Budget = Budget()
     seed: int = 0
 
     def tolerance_of(self, material: SceneMaterial) -> Tolerance:
         """Return the tolerance that holds for one of the materials."""
-        return self.tolerance if material.tolerance is None else material.tolerance
+        own = self.tolerance if material.tolerance is None else material.tolerance
+        assert own is not None, "a material without a tolerance in a scene without one"
+        return own
 
 
 @dataclass(frozen=True)
@@ -164,7 +176,7 @@ class PlanSceneTable:
 
     material: tuple[_MaterialTable, ...]
     lighting: _LightingTable | tuple[_LightingTable, ...]
-    tolerance: _ToleranceTable
+    tolerance: _ToleranceTable | None = None
     budget: Budget = Budget()
     seed: int = option(0, "Of the views and the fits", least=0, most=MOST_SEED)
     name: str | None = option(None, "Name of the scene. Default: that of the file", expected_instead=a_name)
@@ -179,6 +191,10 @@ class PlanSceneTable:
             if seen.setdefault((each.source, each.pixels, each.name), each.tolerance) != each.tolerance:
                 expected = "a name of its own: the same source is listed with another tolerance"
                 raise BadInput(where=f"material[{place}].name", found=str(each.name or "none"), expected=expected)
+        without = [place for place, each in enumerate(self.material) if each.tolerance is None]
+        if self.tolerance is None and without:
+            expected = "a section [tolerance], or one of each material's own"
+            raise BadInput(where=f"material[{without[0]}].tolerance", found="none", expected=expected)
         if self.lighting == ():
             raise BadInput(where="lighting", found="none", expected="at least one")
 
@@ -199,7 +215,7 @@ def read_scene(path: str | Path) -> Scene:
             scene.name or file.stem,
             tuple(each.material(file.parent, f"material[{place}]") for place, each in enumerate(scene.material)),
             tuple(_lighting(table, file.parent) for table in tables),
-            scene.tolerance.tolerance(),
+            None if scene.tolerance is None else scene.tolerance.tolerance(),
             scene.budget,
             scene.seed,
         )

@@ -19,7 +19,16 @@ from homofact.factor.factorization import Factorization
 from homofact.factor.fitted import Fitted
 from homofact.geometry.directions import draw_uniform
 from homofact.methods.method import Method
-from homofact.methods.table import ALL_METHODS, METHODS, made_each, mccool_like, methods_with
+from homofact.methods.table import (
+    ALL_METHODS,
+    METHODS,
+    bytes_to_fill,
+    made,
+    made_each,
+    mccool_like,
+    methods_with,
+    unused_settings,
+)
 from homofact.separable.separable import Separable
 
 FAST: dict[str, Any] = {"size": 5, "restarts": 1, "search_size": 4, "search_samples": 100, "copies": 2, "effort": 20}
@@ -258,3 +267,15 @@ def test_methods_that_are_compared_within_bytes_all_get_them() -> None:
         made_each(["search", "mccool"], {"bytes": 90})
     assert (refused.value.where, refused.value.found) == ("bytes", "90")
     assert made_each(["search", "mccool"], {})["mccool"] == homofact.McCool()
+    # Also without a search beside them, and alone.
+    assert {label: one.size for label, one in made_each(["mccool", "ggx"], {"bytes": 3072}).items() if label != "ggx"}
+    assert made("mccool", {"bytes": 3072}).size == made("cole", {"bytes": 3072, "textures": 2}).size == 11
+    assert unused_settings(["mccool", "ggx"], ["bytes"]) == {}
+    assert list(unused_settings(["svd", "ggx"], ["bytes"])) == ["bytes"]
+
+
+def test_the_bytes_that_a_method_had_to_fill() -> None:
+    assert bytes_to_fill(made("search", {"bytes": 3000})) == 3000
+    assert bytes_to_fill(made("search", {})) is None
+    # McCool's textures of two sources may be 17 × 15 and 16 × 16: both had the bytes of 16².
+    assert bytes_to_fill(homofact.McCool(size=16)) == 12 * 2 * 16**2

@@ -48,6 +48,33 @@ def test_angles_in_degrees_columns_in_any_order_and_windows_line_ends(tmp_path: 
     assert torch.allclose(samples.wo, torch.tensor([[-0.5, 0, math.sqrt(0.75)]]).double(), atol=1e-15)
 
 
+@pytest.mark.parametrize(
+    "header",
+    [
+        "theta_i_deg,phi_i_deg,theta_o_deg,phi_o_deg",
+        "theta_in_deg,phi_in_deg,theta_out_deg,phi_out_deg",
+        "theta_i_deg,phi_i_deg,theta_r_deg,phi_r_deg",
+    ],
+)
+def test_names_of_other_programs_are_known(tmp_path: Path, header: str) -> None:
+    samples = read_samples(file_of(tmp_path, f"{header},Y\n10,20,30,50,0.5\n40,20,60,200,0.1\n"))
+    angles = [*to_spherical(samples.wi), *to_spherical(samples.wo)]
+    assert [float(x[0]) for x in angles] == pytest.approx([math.radians(x) for x in (10, 20, 30, 50)])
+
+
+@pytest.mark.parametrize(
+    ("header", "unit"),
+    [("theta_i,theta_o,dphi", 1.0), ("theta_in_deg,theta_out_deg,delta_phi_deg", math.degrees(1.0))],
+)
+def test_one_column_may_stand_for_both_azimuths(tmp_path: Path, header: str, unit: float) -> None:
+    row = ",".join(f"{x * unit:.12g}" for x in (0.1, 0.3, 2.5))
+    samples = read_samples(file_of(tmp_path, f"{header},Y\n{row},0.5\n{row},0.5\n"))
+    assert [float(x[0]) for x in to_spherical(samples.wi)] == pytest.approx([0.1, 0.0])
+    assert [float(x[0]) for x in to_spherical(samples.wo)] == pytest.approx([0.3, 2.5])
+    assert samples.channels == ("Y",)
+    assert samples.isotropic
+
+
 def test_vectors_and_weights_come_back_bit_for_bit(tmp_path: Path) -> None:
     weights = torch.rand(60, dtype=torch.float64, generator=torch.Generator().manual_seed(0))
     samples = Samples(
@@ -80,6 +107,25 @@ def test_spectra(tmp_path: Path) -> None:
     colour = csv.read(tmp_path / "out.csv")
     assert colour.channels == ("R", "G", "B")
     assert colour.provenance["wavelengths_nm"][1] == 450.5
+
+
+@pytest.mark.parametrize(
+    ("header", "found"),
+    [
+        ("theta_i,theta_o", "theta_i, theta_o"),
+        ("theta_i,phi_i,theta_o,phi_o,dphi", "theta_i, phi_i, theta_o, phi_o, dphi"),
+        ("theta_in,theta_out,dphi_deg", "theta_i, theta_o, dphi_deg"),
+    ],
+)
+def test_directions_that_are_half_said_or_twice_are_refused(tmp_path: Path, header: str, found: str) -> None:
+    text = f"{header},Y\n{','.join('0.1' for _ in header.split(','))},1\n"
+    with refused(f"directions by {found}, expected all of theta_i, phi_i, theta_o, phi_o, or theta_i, theta_o, dphi"):
+        csv.read(file_of(tmp_path, text))
+
+
+def test_a_difference_in_degrees_is_told_how_to_say_so(tmp_path: Path) -> None:
+    with refused("dphi is 12, expected at most a turn, 2 pi radians .*theta_i_deg, theta_o_deg, dphi_deg"):
+        csv.read(file_of(tmp_path, "theta_in,theta_out,dphi,Y\n0,0,12,1\n"))
 
 
 def test_slightly_long_vectors_are_brought_back_to_length_one(tmp_path: Path) -> None:

@@ -143,6 +143,22 @@ def test_a_sky_is_filtered_beside_the_material(
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("trusted", [True, False])
+def test_a_fit_that_its_verdict_does_not_trust_is_exported_with_the_verdict(
+    trusted: bool, result: Path, tmp_path: Path, capsys
+) -> None:
+    copy = tmp_path / "paint"
+    shutil.copytree(result, copy)
+    report = json.loads((copy / "report.json").read_text())
+    report["verdict"] |= {"trusted": trusted, "summary": "a word on it"}
+    (copy / "report.json").write_text(json.dumps(report))
+    assert main(["export", str(copy), "--to", str(tmp_path / "engine")]) == 0
+    assert ("read the verdict before you ship: a word on it" in capsys.readouterr().err) is not trusted
+    # A fit in memory has its own.
+    found = homofact.export(homofact.load(copy), tmp_path / "other")
+    assert found.doubt == ("" if trusted else "a word on it")
+
+
 def test_solved_texels_are_nearer_than_rounded_ones(result: Path, tmp_path: Path, capsys) -> None:
     assert main(["export", str(result), "--to", str(tmp_path / "out"), "--quantize", "png8", "--json"]) == 0
     found = errors(capsys.readouterr().out)

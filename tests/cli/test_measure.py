@@ -116,6 +116,10 @@ def rows(*lines: str, head: str = "theta_i_deg,phi_i_deg,theta_o_deg,phi_o_deg,R
 CONTRADICT = rows("30,0,40,180,0.5,0.4,0.3", "10,0,20,90,0.1,0.1,0.1", "30,0,40,180,0.1,0.1,0.1")
 BAD_FILES = {
     "contradict": (CONTRADICT, "samples 1 and 3 contradict each other: 0.4 and 0.1 sr⁻¹"),
+    "contradict in three": (
+        CONTRADICT + "30,0,40,180,0.9,0.9,0.9\n",
+        "samples 3 and 4, and 2 other pairs, contradict each other: 0.1 and 0.9 sr⁻¹",
+    ),
     "black": (rows("30,0,40,180,0,0,0", "10,0,20,90,0,0,0"), "samples: found values that are all 0"),
     "not filled in": (rows("30,0,40,180,,,"), "bad.csv: line 3: found an empty cell in column R, expected a"),
     "anisotropic": (

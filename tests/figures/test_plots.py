@@ -16,6 +16,7 @@ from homofact.figures.plot import _HELD_OUT, _TRAINING, _dots
 from homofact.figures.point_labels import PointLabel, label_points
 from homofact.planning.figure import _asked, _spots, plot_plan
 from homofact.planning.ladder import WHOLE, Candidate
+from homofact.planning.scene import NO_BUDGET
 from homofact.planning.tolerance import Tolerance
 
 
@@ -60,10 +61,12 @@ def test_an_error_of_0_is_written_and_the_axis_is_of_the_others() -> None:
 
 
 def material(name: str, choice: Candidate, **asked: tuple[Candidate, int, float]) -> Any:
-    found = {candidate: SimpleNamespace(bytes=size, error=error) for candidate, size, error in asked.values()}
+    found = {
+        candidate: SimpleNamespace(bytes=size, error=error, fetches=1) for candidate, size, error in asked.values()
+    }
     return SimpleNamespace(
         name=name, walk=SimpleNamespace(asked=found, choice=choice), outcome=found[choice], judges=(), errors=(),
-        material=SimpleNamespace(pixels=None), tolerance=Tolerance((("reflected", 0.2),)),
+        material=SimpleNamespace(pixels=None), budget=NO_BUDGET, tolerance=Tolerance((("reflected", 0.2),)),
     )  # fmt: skip
 
 

@@ -18,7 +18,7 @@ from homofact.planning.neighbours import (
     with_larger_measured,
 )
 from homofact.planning.plan import MaterialPlan, ScenePlan
-from homofact.planning.scene import SceneMaterial
+from homofact.planning.scene import Budget, SceneMaterial
 from homofact.planning.search import UNTRUSTED, LadderOutcome, Walk, expected_errors
 from homofact.planning.tolerance import Tolerance
 
@@ -147,7 +147,7 @@ def test_the_table_of_steps_names_it_in_figures(monkeypatch: pytest.MonkeyPatch)
         return [str(cell) for column in table.columns for cell in list(column.cells)[-1:]][1:]
 
     assert lines({SMALL: 1.5, CHOSEN: 0.7, LARGE: 0.8}) == [
-        "larger", "none tried is better; best: 1 texture of 16², 8 bits (search)", "768", "80%",
+        "larger", "found none that errs less; best of those tried: 1 texture of 16², 8 bits (search)", "768", "80%",
     ]  # fmt: skip
     _, words, size, error = lines({SMALL: 1.5, CHOSEN: 0.7})
     assert words.startswith("not tried, expected to be no better; best: ")
@@ -163,3 +163,32 @@ def test_a_smaller_one_within_the_limits_that_is_not_trusted_is_nearer_than_one_
     found = smaller(plan)
     assert found is not None
     assert (found.candidate, found.trusted) == (SMALL, False)
+
+
+def test_what_the_budget_rules_out_is_no_step() -> None:
+    three = Candidate("search", 3, 4, "png8")
+    asked = {SMALL: 1.5, three: 0.4, CHOSEN: 0.7, LARGE: 0.1}
+    assert three.most_bytes(3) < CHOSEN.most_bytes(3)
+    free = plan_of(asked)
+    down, up, best = smaller(free), larger(replace(free, walk=replace(free.walk, stepped=True))), best_larger(free)
+    assert down is not None
+    assert down.candidate == three
+    assert up is not None
+    assert up.candidate == LARGE
+    assert best is not None
+    assert best.candidate == LARGE
+    few = replace(free, budget=Budget(bytes=CHOSEN.most_bytes(3), fetches=CHOSEN.most_fetches(True)))
+    assert three.most_fetches(True) > CHOSEN.most_fetches(True)
+    down = smaller(few)
+    assert down is not None
+    assert down.candidate == SMALL
+    assert larger(few) is None
+    assert best_larger(few) is None
+
+
+@pytest.mark.parametrize(
+    ("budget", "allowed"),
+    [((None, None), True), ((48, None), True), ((47, None), False), ((None, 2), True), ((None, 1), False)],
+)
+def test_a_budget_allows_up_to_its_bytes_and_fetches(budget: tuple[int | None, int | None], allowed: bool) -> None:
+    assert Budget(*budget).allows(48, 2) is allowed

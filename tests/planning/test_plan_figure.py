@@ -101,7 +101,7 @@ def test_the_title_counts_all_fits(drawn: Figure) -> None:
 def test_lines_join_what_nothing_smaller_undercuts(drawn: Figure) -> None:
     (line,) = [each for each in drawn.axes[0].lines if each.get_alpha() == 0.5]
     assert np.asarray(line.get_xydata()).tolist() == [[12, 90], [48, 30], [384, 20]]
-    tied = [_Spot((), place, False) for place in ((1.0, 5.0), (1.0, 4.0), (2.0, 4.0), (3.0, 1.0))]
+    tied = [_Spot((), place, False, True) for place in ((1.0, 5.0), (1.0, 4.0), (2.0, 4.0), (3.0, 1.0))]
     assert _undercut(tied) == [(1.0, 4.0), (3.0, 1.0)]
 
 

@@ -58,6 +58,18 @@ def test_a_material_may_have_a_tolerance_of_its_own(tmp_path: Path) -> None:
         read_scene(file)
 
 
+def test_where_every_material_has_its_own_the_scene_needs_none(tmp_path: Path) -> None:
+    file = tmp_path / "shop.toml"
+    without = SCENE.replace("[tolerance]\nreflected = 0.1\n", "")
+    file.write_text(without.replace("share = 1", "share = 1\ntolerance = { cole = 0.1 }"))
+    found = read_scene(file)
+    assert found.tolerance is None
+    assert found.tolerance_of(found.materials[0]) == Tolerance.of(cole=0.1)
+    file.write_text(without)
+    with refused(r"material\[0\].tolerance: found none, expected a section \[tolerance\], or one of each material"):
+        read_scene(file)
+
+
 def test_a_fit_is_no_source_of_a_plan(tmp_path: Path) -> None:
     (tmp_path / "paint").mkdir()
     (tmp_path / "paint" / "factorization.npz").write_bytes(b"")

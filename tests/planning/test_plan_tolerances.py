@@ -48,7 +48,7 @@ def test_a_named_tolerance_differs_by_material_in_words(found: ScenePlan) -> Non
     assert found.tolerance_words in headline(found)
     # Where each has its own, the scene's holds for none.
     every = tuple(replace(plan, material=replace(plan.material, tolerance=plan.tolerance)) for plan in found.materials)
-    words = replace(found, materials=every).tolerance_words
+    words = replace(found, materials=every, scene=replace(found.scene, tolerance=None)).tolerance_words
     assert words == "for far again, error of reflected light at most 9; for near, Cole error at most 0.2"
 
 

@@ -8,7 +8,8 @@ Lines with # come before the header: `isotropic` and `noise_free` take true or f
 default `noise_free` is false, and samples lit from a single azimuth are isotropic, which the provenance notes. The
 header names the columns, in any order: both directions as theta_i, phi_i, theta_o, phi_o in radians (or with _rad), the
 same with _deg in degrees, or wi_x … wo_z; `weight` if there is one; every other column is a channel of f in sr⁻¹
-without the cosine, "550nm" being a wavelength. φ is absolute: the mirror direction of φi = 0 is φo = π.
+without the cosine, "550nm" being a wavelength. φ is absolute: the mirror direction of φi = 0 is φo = π. One column dphi
+may stand for both azimuths, φo − φi. Other programs' names are known too: theta_in, phi_out, theta_r, delta_phi.
 
 `write` writes all digits of each number and directions as vectors, so that samples are read back bit-identical. It adds
 a column `weight` if any weight differs from 1.
@@ -38,7 +39,16 @@ ANGLES = ("theta_i", "phi_i", "theta_o", "phi_o")
 VECTORS = ("wi_x", "wi_y", "wi_z", "wo_x", "wo_y", "wo_z")
 _DEGREES = tuple(f"{name}_deg" for name in ANGLES)
 _RADIANS = tuple(f"{name}_rad" for name in ANGLES)
-_FORMS = (ANGLES, _RADIANS, _DEGREES, VECTORS)
+# θi, θo and the difference of the azimuths φo − φi.
+DIFFERENCE = ("theta_i", "theta_o", "dphi")
+_OF_DIFFERENCE = tuple(tuple(f"{name}{unit}" for name in DIFFERENCE) for unit in ("", "_rad", "_deg"))
+_FORMS = (ANGLES, _RADIANS, _DEGREES, *_OF_DIFFERENCE, VECTORS)
+_IN_DEGREES = (_DEGREES, _OF_DIFFERENCE[2])
+# What other programs call the directions' columns.
+_ALIASES = {
+    "theta_in": "theta_i", "phi_in": "phi_i", "theta_out": "theta_o", "phi_out": "phi_o", "theta_r": "theta_o",
+    "phi_r": "phi_o", "delta_phi": "dphi",
+}  # fmt: skip
 _WORDS = {"true": True, "yes": True, "false": False, "no": False}
 _MOST_COLUMNS = 4096
 _SLACK = 1e-6
@@ -53,7 +63,7 @@ def sniff(head: bytes) -> bool:
     """Return whether a file that begins with `head` is of this format: a header with one of the directions' names."""
     for _, line in numbered_lines(head):
         if not line.startswith("#"):
-            words = {word.strip() for word in line.split(",")}
+            words = set(_names(line))
             return len(words) > 1 and any(name in words for form in _FORMS for name in form)
     return False
 
@@ -70,7 +80,7 @@ def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
     lines = list(numbered_lines(raw))
     facts, comments, index = _stated(path, lines)
     number, line = lines[index]
-    names = [word.strip() for word in line.split(",")]
+    names = _names(line)
     form = _form(path, number, names)
     values = [name for name in names if name not in form and name != "weight"]
     if not values:
@@ -126,18 +136,30 @@ def _stated(path: object, lines: list[tuple[int, str]]) -> tuple[dict[str, bool 
     raise BadInput("only comments", where=path, expected="a header that names the columns")
 
 
+def _names(line: str) -> list[str]:
+    """The columns' names in a header, the directions' as this format has them."""
+    found = []
+    for word in map(str.strip, line.split(",")):
+        name, unit = (word[:-4], word[-4:]) if word.endswith(("_deg", "_rad")) else (word, "")
+        found.append(_ALIASES.get(name, name) + unit)
+    return found
+
+
 def _form(path: object, number: int, names: list[str]) -> tuple[str, ...]:
     if len(names) > _MOST_COLUMNS or "" in names:
         raise line_fault(path, number, f"{len(names)} columns, one without a name", "a name each")
     twice = sorted({name for name in names if names.count(name) > 1}) if len(set(names)) < len(names) else []
     if twice:
         raise line_fault(path, number, f"{short(twice[0])} names two columns", "different names")
-    given = [form for form in _FORMS if any(name in names for name in form)]
-    if len(given) != 1 or not all(name in names for name in given[0]):
-        named = ", ".join(name for form in given for name in form if name in names)
-        expected = f"all of {', '.join(ANGLES)}, the same with _deg in degrees, or all of {', '.join(VECTORS)}"
-        raise line_fault(path, number, f"directions by {named or 'nothing'}", expected)
-    return given[0]
+    given = list(dict.fromkeys(name for form in _FORMS for name in form if name in names))
+    whole = [form for form in _FORMS if set(form) == set(given)]
+    if not whole:
+        expected = (
+            f"all of {', '.join(ANGLES)}, or {', '.join(DIFFERENCE)} (φo − φi), the same with _deg in degrees,"
+            f" or all of {', '.join(VECTORS)}"
+        )
+        raise line_fault(path, number, f"directions by {', '.join(given) or 'nothing'}", expected)
+    return whole[0]
 
 
 def _check(path: object, places: list[int], table: dict[str, Tensor], form: tuple[str, ...]) -> None:
@@ -173,19 +195,20 @@ def _vector_fault(name: str, w: Tensor) -> _Fault:
 
 
 def _angle_fault(name: str, angle: Tensor, form: tuple[str, ...]) -> _Fault:
-    unit, turn = ("degrees", 360.0) if form == _DEGREES else ("radians", 2 * math.pi)
+    unit, turn = ("degrees", 360.0) if form in _IN_DEGREES else ("radians", 2 * math.pi)
     polar = name.startswith("theta")
     if polar:
         wrong = (angle < 0) | (angle > turn / 4 + _SLACK * turn / (2 * math.pi))
-        expected = f"{unit} from 0 to {'90' if form == _DEGREES else 'pi/2'}"
+        expected = f"{unit} from 0 to {'90' if form in _IN_DEGREES else 'pi/2'}"
     else:
         wrong = angle.abs() > turn * (1 + 1e-3)
-        expected = f"at most a turn, {'360' if form == _DEGREES else '2 pi'} {unit}"
+        expected = f"at most a turn, {'360' if form in _IN_DEGREES else '2 pi'} {unit}"
 
     def said(row: int) -> BadInput:
         # A negative angle is no less wrong in degrees.
-        degrees = form != _DEGREES and (float(angle[row]) > 0 or not polar)
-        hint = f"for degrees name the columns {', '.join(_DEGREES)}" if degrees else ""
+        degrees = form not in _IN_DEGREES and (float(angle[row]) > 0 or not polar)
+        names = ", ".join(f"{each.removesuffix('_rad')}_deg" for each in form)
+        hint = f"for degrees name the columns {names}" if degrees else ""
         return BadInput(f"{name} is {float(angle[row]):g}", expected=expected, hint=hint)
 
     return wrong, said
@@ -199,8 +222,11 @@ def _directions(table: dict[str, Tensor], form: tuple[str, ...], which: str) -> 
         # Vectors of length 1 to the last digits stay bit for bit what they were.
         w = torch.where(((length - 1).abs() <= 1e-15)[:, None], w, w / length.clamp_min(1e-300)[:, None])
         return torch.cat((w[:, :2], w[:, 2:].clamp_min(0)), 1)
-    scale = math.pi / 180 if form == _DEGREES else 1.0
-    theta, phi = (table[name] for name in form if name.split("_")[1] == which)
+    scale = math.pi / 180 if form in _IN_DEGREES else 1.0
+    theta = next(table[name] for name in form if name.startswith(f"theta_{which}"))
+    azimuths = [table[name] for name in form if name.startswith((f"phi_{which}", "dphi"))]
+    # A difference of azimuths is the viewer's where the light's is 0.
+    phi = torch.zeros_like(theta) if form in _OF_DIFFERENCE and which == "i" else azimuths[0]
     return from_spherical((theta * scale).clamp_max(math.pi / 2), phi * scale)
 
 

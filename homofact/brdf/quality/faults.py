@@ -4,7 +4,11 @@ Reciprocity is checked with the error of `brdf.symmetry`, computed from the refl
 
 Energy is checked with the albedo ∫ f cosθo dωo at a few angles of incidence. The integral runs over half vectors h: ωo
 is ωi mirrored at h and dωo = 4 (ωi·h) dωh. The steps of θh are finer towards the normal, so that narrow highlights are
-not missed.
+not missed. Of an isotropic material that was lit from rings of θi, each direction ωo counts with the value of the
+nearest sample of the ring: an interpolation between rings has highlights that stand where nobody measured one.
+
+An isotropic material that is lit, or seen, along the normal looks the same from all azimuths: what samples there differ
+by is noise, a spot that was not the same, or anisotropy.
 """
 
 import math
@@ -15,10 +19,19 @@ from torch import Tensor
 
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
-from homofact.brdf.symmetry import light_azimuths, reciprocity_of, reciprocity_of_samples
+from homofact.brdf.symmetry import (
+    angles_of_pairs,
+    light_azimuths,
+    reciprocity_of,
+    reciprocity_of_samples,
+    ring_numbers,
+)
 from homofact.geometry.directions import from_spherical, to_spherical
+from homofact.geometry.nearest import tree_of
 
 ALBEDO_DEGREES = (0.0, 15.0, 30.0, 45.0, 60.0, 75.0)
+_STEPS = 90  # of θo, and of the azimuth on one side
+_ALONG, _LEAST_AROUND = math.radians(0.5), 4  # nearer to the normal a direction has no azimuth; samples of a group
 
 
 def albedo(reflectance: Reflectance, degrees: float, azimuth: float = 0.0, rings: int = 48, spokes: int = 64) -> Tensor:
@@ -46,15 +59,52 @@ def evaluated_faults(samples: Samples, reflectance: Reflectance, own: bool) -> d
     reciprocity = reciprocity_of(reflectance) if own else reciprocity_of_samples(samples)
     angles, fineness = (ALBEDO_DEGREES, {}) if own else (_lit(samples), {"rings": 16, "spokes": 24})
     azimuths = light_azimuths(samples.isotropic)
+    ringed = not own and samples.isotropic and ring_numbers(samples.wi) is not None
     largest = {
-        f"{angle:g}": round(max(float(albedo(reflectance, angle, a, **fineness).max()) for a in azimuths), 4)
+        f"{angle:g}": _ring_albedo(samples, angle)
+        if ringed
+        else max(float(albedo(reflectance, angle, a, **fineness).max()) for a in azimuths)
         for angle in angles
     }
     return {
         "reciprocity_error": reciprocity,
-        "albedo_by_degrees": largest,
+        "differs_around_the_normal": None if own else spread_around_the_normal(samples),
+        "albedo_by_degrees": {angle: round(value, 4) for angle, value in largest.items()},
         "energy_above_one": any(value > 1 for value in largest.values()),
     }
+
+
+def spread_around_the_normal(samples: Samples) -> float | None:
+    """Return by how much isotropic samples along the normal differ with the azimuth; None for too few of them.
+
+    Those with one direction within `_ALONG` of the normal are grouped by the other's angle. It is the median of the
+    groups' standard deviations over their means, of the mean of the channels.
+    """
+    if not samples.isotropic:
+        return None
+    bright, spreads = samples.values.mean(1), list[float]()
+    for one, other in ((samples.wi, samples.wo), (samples.wo, samples.wi)):
+        along = to_spherical(one)[0] < _ALONG
+        rank = (to_spherical(other[along])[0] / _ALONG).round().long()
+        for ring in rank.unique():
+            values = bright[along][rank == ring]
+            if len(values) >= _LEAST_AROUND and float(values.mean()) > 0:
+                spreads.append(float(values.std() / values.mean()))
+    return float(torch.tensor(spreads).median()) if spreads else None
+
+
+def _ring_albedo(samples: Samples, degrees: float) -> float:
+    """∫ f cosθo dωo of the largest channel, each direction with the nearest sample lit from within half a degree."""
+    ring = (to_spherical(samples.wi)[0] * (180 / math.pi) - degrees).abs() <= 0.5
+    wi, wo = samples.wi[ring], samples.wo[ring]
+    theta_o, turn = angles_of_pairs(wi, wo)[:, 1], angles_of_pairs(wi, wo)[:, 2]
+    steps = (torch.arange(_STEPS, dtype=torch.float64) + 0.5) / _STEPS
+    theta, phi = torch.meshgrid(steps * (math.pi / 2), steps * math.pi, indexing="ij")
+    nearest = tree_of(from_spherical(theta_o, turn)).query(from_spherical(theta.ravel(), phi.ravel()))[1]
+    # Both halves of the hemisphere, which mirror each other.
+    weight = 2 * torch.sin(theta) * torch.cos(theta) * (math.pi / 2 / _STEPS) * (math.pi / _STEPS)
+    values = samples.values[ring][torch.from_numpy(nearest)]
+    return float((values * weight.ravel()[:, None]).sum(0).max())
 
 
 def _lit(samples: Samples) -> list[float]:

@@ -2,14 +2,20 @@
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+import torch
 
 from homofact.brdf.analytic import Lambert, Phong
-from homofact.brdf.quality.faults import albedo, evaluated_faults
+from homofact.brdf.quality.faults import albedo, evaluated_faults, spread_around_the_normal
+from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
 from homofact.brdf.source import describe, open_source
+from homofact.geometry.directions import from_spherical
+
+GREY = Lambert((0.7,), channels=("Y",))
 
 
 @pytest.mark.parametrize("degrees", [0, 40, 80])
@@ -45,3 +51,39 @@ def test_description_carries_them(tmp_path: Path) -> None:
     # Light at .1 to .8 radians only: nothing is said of other angles.
     assert list(facts["albedo_by_degrees"]) == ["6", "11", "23", "29", "40", "46"]
     assert facts["exact_zeros"] == 0
+
+
+def ringed(values: object, steps: tuple[int, int, int] = (15, 5, 10)) -> Samples:
+    """An isotropic goniometer's samples on rings of θi; `values` of (θi, θo, Δφ) in radians."""
+    i, o, phi = (
+        each.reshape(-1)
+        for each in torch.meshgrid(
+            *(
+                torch.arange(0, most, step, dtype=torch.float64).deg2rad()
+                for most, step in zip((76, 90, 181), steps, strict=True)
+            ),
+            indexing="ij",
+        )
+    )
+    found = values(i, o, phi)[:, None]  # type: ignore[operator]
+    return Samples(from_spherical(i, 0 * i), from_spherical(o, phi), found, channels=("Y",), isotropic=True)
+
+
+def test_albedo_of_rings_is_that_of_the_samples() -> None:
+    facts = evaluated_faults(ringed(lambda i, o, phi: 0 * i + 0.7 / math.pi), GREY, own=False)
+    assert facts["albedo_by_degrees"] == {f"{k}": pytest.approx(0.7, abs=2e-3) for k in (0, 15, 30, 45, 60, 75)}
+    # f = cosθo/π reflects 2/3 whatever the azimuth, and twice as much on one side as on the other on average.
+    sided = ringed(lambda i, o, phi: torch.cos(o) / math.pi * torch.where(phi > math.pi / 2, 4 / 3, 2 / 3))
+    facts = evaluated_faults(sided, GREY, own=False)
+    assert facts["albedo_by_degrees"]["45"] == pytest.approx(2 / 3, abs=0.03)
+
+
+def test_what_lies_around_the_normal_must_not_depend_on_the_azimuth() -> None:
+    even = ringed(lambda i, o, phi: 0.2 + 0.1 * torch.cos(o))
+    assert spread_around_the_normal(even) == pytest.approx(0, abs=1e-12)
+    # f times 1 + 0.4 cos Δφ: over Δφ from 0 to 180° its standard deviation is 0.4 / √2 of the mean.
+    turned = ringed(lambda i, o, phi: 0.2 * (1 + 0.4 * torch.cos(phi)))
+    assert spread_around_the_normal(turned) == pytest.approx(0.4 / math.sqrt(2), rel=0.1)
+    assert spread_around_the_normal(replace(turned, isotropic=False)) is None
+    few = turned.select((turned.wi[:, 2] < 0.99) & (turned.wo[:, 2] < 0.99))
+    assert spread_around_the_normal(few) is None

@@ -13,6 +13,7 @@ from homofact.brdf.quality.suspicion.check import Check, Figures
 from homofact.brdf.quality.suspicion.evidence import Evidence
 
 _SAME_PLACE = 1e-6
+_MOST_ZEROS = 20.0  # per cent: more are no surer
 
 
 def _distinct_places(evidence: Evidence) -> np.ndarray:
@@ -63,8 +64,8 @@ def _clipped(evidence: Evidence) -> Figures | None:
 
 
 def _zeros(evidence: Evidence) -> Figures | None:
-    """The share of exact zeros, of the worst channel, in per cent and at most 20."""
-    return (min(100 * float((evidence.values == 0).mean(0).max()), 20.0),)
+    """The share of exact zeros, of the worst channel, in per cent and at most `_MOST_ZEROS`."""
+    return (min(100 * float((evidence.values == 0).mean(0).max()), _MOST_ZEROS),)
 
 
 CHECKS = (
@@ -78,7 +79,8 @@ CHECKS = (
     ),
     Check(
         "zeros", _zeros,
-        lambda f: f"{f[0]:.2g}% of the values are cut at zero: a dark frame over-subtracted, or negative values cut",
-        remedy="export the values without the cut, or fit with a larger epsilon, so that dark values count less",
+        lambda f: f"{'at least ' * (f[0] >= _MOST_ZEROS)}{f[0]:.2g}% of a channel's values are cut at zero: a dark"
+        " frame over-subtracted, negative values cut, or a colour outside of the channels' gamut",
+        remedy="export the values without the cut",
     ),
 )  # fmt: skip
