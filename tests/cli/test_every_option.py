@@ -15,7 +15,7 @@ from homofact.cli.options import shown_default
 from homofact.config import SEED, Config, fit_options, load_config, section_options
 from homofact.errors import BadInput
 from homofact.methods.method import Method
-from homofact.methods.table import METHODS, made
+from homofact.methods.table import METHODS, made, methods_with
 from homofact.settings.options import Declared, options_of
 
 # A value that is not the default, as a word of the command line and as TOML, where the type does not tell one.

@@ -150,7 +150,7 @@ def test_the_table_of_steps_names_it_in_figures(monkeypatch: pytest.MonkeyPatch)
         "larger", "found none that errs less; best of those tried: 1 texture of 16², 8 bits (search)", "768", "80%",
     ]  # fmt: skip
     _, words, size, error = lines({SMALL: 1.5, CHOSEN: 0.7})
-    assert words.startswith("not tried, expected to be no better; best: ")
+    assert words.startswith("not tried, expected to err no less; best: ")
     assert int(size) > CHOSEN.most_bytes(3)
     assert error.startswith("about ")
     last = max(ladder(), key=lambda rung: rung.most_bytes(3))
