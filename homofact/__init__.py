@@ -19,6 +19,7 @@ from homofact.version import __version__
 if _TYPE_CHECKING:
     from homofact.api.charting import chart
     from homofact.api.comparing import compare
+    from homofact.api.comparing_fits import compare_fits
     from homofact.api.converting import convert
     from homofact.api.describing import info
     from homofact.api.editing import apply_curves, edit
@@ -53,6 +54,7 @@ _HOMES = {
     "apply_curves": "api.editing",
     "chart": "api.charting",
     "compare": "api.comparing",
+    "compare_fits": "api.comparing_fits",
     "convert": "api.converting",
     "edit": "api.editing",
     "evaluate": "api.evaluating",
@@ -88,9 +90,9 @@ _HOMES = {
 
 __all__ = [
     "BadInput", "Cole", "Fit", "Gaussians", "Ggx", "Goniometer", "McCool", "Nbrdf", "Nmf", "Npf", "ProgressStep",
-    "Samples", "Search", "Svd", "__version__", "apply_curves", "chart", "compare", "convert", "edit", "evaluate",
-    "export", "factorize", "fit", "info", "load", "measure", "plan", "read", "relight", "render", "report", "sweep",
-    "terms", "view",
+    "Samples", "Search", "Svd", "__version__", "apply_curves", "chart", "compare", "compare_fits", "convert", "edit",
+    "evaluate", "export", "factorize", "fit", "info", "load", "measure", "plan", "read", "relight", "render", "report",
+    "sweep", "terms", "view",
 ]  # fmt: skip
 
 

@@ -8,16 +8,19 @@ from rich.text import Text
 
 from homofact.cli import options as o
 from homofact.cli.charts import compared_methods, draw_charts
+from homofact.cli.layout import hanging
 from homofact.cli.screen import Screen, say_ending, say_subset
 from homofact.cli.subject import sources_of
-from homofact.cli.tables import appearance_tables, cost_table, error_table, mean_table, metric_tables
+from homofact.cli.tables import appearance_tables, cost_table, error_table, mean_table, metric_tables, size_table
 from homofact.cli.verdicts import brief_lines, names_of, strictness
 from homofact.errors import BadInput
+from homofact.files.kinds import EXPORT, RESULT
 from homofact.sections import FIT
 
 if TYPE_CHECKING:
     from homofact.api.compared import SourceComparison
     from homofact.config import Config
+    from homofact.sections import CompareSettings
 
 Seeds = Annotated[
     str,
@@ -51,12 +54,18 @@ def compare(
     them, and other methods keep their size. After Ctrl-C it prints the
     finished comparisons and exits with code 130.
 
+    If the SOURCES are folders of fits, it compares these fits with their
+    source, on the same samples; --plot FILE.png draws them.
+
     With --chart it runs methods × textures × sizes × searches: each SOURCE
     gets NAME.csv with every run, NAME_time (error against fitting time) and
     NAME_cost (error against bytes and fetches), as PNG and SVG. It does not
     repeat fits that are already in the CSV.
     """
     asked = settings.compare
+    if asked.sources and all(RESULT.is_at(Path(place)) or EXPORT.is_at(Path(place)) for place in asked.sources):
+        _compare_fits(asked, Screen(as_json, quiet))
+        return
     sources = sources_of(settings, asked.sources)
     screen = Screen(as_json, quiet)
     if asked.chart is not None:
@@ -90,6 +99,26 @@ def compare(
         what = "fits of a method to a source" if found.several else "methods"
         screen.note(f"homofact: interrupted, {found.fits_done} of {found.fits} {what} are compared")
         raise typer.Exit(130)
+
+
+def _compare_fits(asked: "CompareSettings", screen: Screen) -> None:
+    """Saved fits of one source, beside each other."""
+    for name in ("chart", "csv", "latex"):
+        if getattr(asked, name) is not None:
+            raise BadInput("given beside saved fits", where=name, expected="sources with it")
+
+    from homofact.api.comparing_fits import compare_fits
+
+    with screen.progress() as progress:
+        found = compare_fits(asked.sources, plot=asked.plot, progress=progress)
+    if found.part == "source":
+        screen.note("homofact: the fits have different held-out samples, so the errors are on all samples")
+    screen.show(error_table(found.records), *appearance_tables(found.records), size_table(found.records))
+    said = {label: record["verdict"] for label, record in found.records.items() if record["verdict"] is not None}
+    screen.show(*(hanging(f"{label}: {verdict['summary']}", 2) for label, verdict in said.items()))
+    if found.plot is not None:
+        screen.note(f"The picture: {found.plot}")
+    screen.answer(found.record())
 
 
 def _show(compared: "SourceComparison", screen: Screen, several: bool) -> None:

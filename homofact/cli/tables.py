@@ -150,6 +150,16 @@ def cost_table(records: Mapping[str, Mapping[str, Any]]) -> Table:
     return table
 
 
+def size_table(records: Mapping[str, Mapping[str, Any]]) -> Table:
+    """Return the textures, bytes and fetches of every labelled fit."""
+    table = plain_table("Size")
+    add_names(table)
+    add_figures(table, "textures", "bytes", "fetches")
+    for label, record in records.items():
+        table.add_row(Text(label), shapes(record["shapes"]), str(record["bytes"]), str(record["fetches"]))
+    return table
+
+
 def stored_table(errors: Mapping[str, Mapping[str, Any]], part: str) -> Table:
     """Return what storing a fit cost: its errors on `part` of the samples, and how far its logarithms moved."""
     words = {"held_out": "held out", "source": "of the source"}[part]

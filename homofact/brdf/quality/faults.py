@@ -4,8 +4,8 @@ Reciprocity is checked with the error of `brdf.symmetry`, computed from the refl
 
 Energy is checked with the albedo ∫ f cosθo dωo at a few angles of incidence. The integral runs over half vectors h: ωo
 is ωi mirrored at h and dωo = 4 (ωi·h) dωh. The steps of θh are finer towards the normal, so that narrow highlights are
-not missed. Of an isotropic material that was lit from rings of θi, each direction ωo counts with the value of the
-nearest sample of the ring: an interpolation between rings has highlights that stand where nobody measured one.
+not missed. For an isotropic material that was lit from rings of θi, each direction ωo counts with the value of the
+nearest sample of the ring: an interpolation between rings has highlights where nobody measured one.
 
 An isotropic material that is lit, or seen, along the normal looks the same from all azimuths: what samples there differ
 by is noise, a spot that was not the same, or anisotropy.

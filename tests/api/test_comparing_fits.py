@@ -1,0 +1,91 @@
+"""Saved fits of one source beside each other: on the same samples, seen by none or by all, and never of two sources."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+from refusals import refused
+
+import homofact
+from homofact.cli.main import main
+
+SOURCE = "material:phong-10"
+
+
+@pytest.fixture(scope="module")
+def fits(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folders of fits of two sizes, of another split, of another source, and of all samples."""
+    place = tmp_path_factory.mktemp("fits")
+    for name, source, more in (
+        ("small", SOURCE, ["--size", "4"]),
+        ("large", SOURCE, ["--size", "8"]),
+        ("other split", SOURCE, ["--size", "8", "--seed", "3", "--channels", "rgb"]),
+        ("all", SOURCE, ["--size", "8", "--held-out", "0"]),
+        ("clay", "material:lafortune-clay", ["--size", "4"]),
+    ):
+        out = str(place / name)
+        assert main(["factorize", source, "--count", "600", "--method", "mccool", *more, "--out", out, "-q"]) == 0
+    return place
+
+
+def test_errors_are_those_of_each_alone(fits: Path) -> None:
+    found = homofact.compare_fits([fits / "small", fits / "large"])
+    assert (found.source, found.part, list(found.records)) == ("phong-10", "held_out", ["small", "large"])
+    for label, record in found.records.items():
+        report = json.loads((fits / label / "report.json").read_text())
+        assert record["error"]["held_out"]["log_mse"] == pytest.approx(report["error"]["held_out"]["log_mse"])
+        assert record["error"]["train"]["mae"] == pytest.approx(report["error"]["train"]["mae"])
+        assert record["appearance"]["psnr_sky"] == pytest.approx(report["appearance"]["psnr_sky"])
+        assert record["verdict"]["summary"] == report["verdict"]["summary"]
+        assert (record["bytes"], record["fetches"]) == (report["bytes"], report["fetches"])
+
+
+@pytest.mark.parametrize("other", ["all"])
+def test_where_some_were_seen_all_samples_count(fits: Path, other: str) -> None:
+    found = homofact.compare_fits([fits / "large", fits / other])
+    assert found.part == "source"
+    assert [list(record["error"]) for record in found.records.values()] == [["source"], ["source"]]
+    alone = json.loads((fits / other / "report.json").read_text())["error"]["source"]["log_mse"]
+    assert found.records[other]["error"]["source"]["log_mse"] == pytest.approx(alone)
+
+
+def test_of_equal_names_the_places_are_the_labels(fits: Path, tmp_path: Path) -> None:
+    (tmp_path / "small").symlink_to(fits / "small")
+    found = homofact.compare_fits([fits / "small", tmp_path / "small"])
+    assert list(found.records) == [str(fits / "small"), str(tmp_path / "small")]
+
+
+def test_the_picture_has_the_source_and_each_fit(fits: Path, tmp_path: Path, capsys) -> None:
+    picture = tmp_path / "two.png"
+    assert main(["compare", str(fits / "small"), str(fits / "large"), "--plot", str(picture), "--json"]) == 0
+    record = json.loads(capsys.readouterr().out)
+    assert [row["label"] for row in record["rows"]] == ["small", "large"]
+    assert record["plot"] == str(picture)
+    # A source and two pairs of a fit and its difference.
+    assert np.asarray(Image.open(picture)).shape[1] == 16 + 5 * (160 + 16)
+
+
+def test_the_tables_are_those_of_a_comparison(fits: Path, capsys) -> None:
+    assert main(["compare", str(fits / "small"), str(fits / "large")]) == 0
+    said = capsys.readouterr().out
+    report = json.loads((fits / "small" / "report.json").read_text())
+    for words in ("held out", "training", "sky dB", str(report["bytes"]), "small: not trusted"):
+        assert words in said
+
+
+def test_fits_that_cannot_be_compared_are_refused(fits: Path, tmp_path: Path, capsys) -> None:
+    with refused("clay: found a fit of lafortune-clay, expected one of the samples of phong-10, as small"):
+        homofact.compare_fits([fits / "small", fits / "clay"])
+    with refused("other split: found a fit of phong-10, expected one of the samples of phong-10, as small"):
+        homofact.compare_fits([fits / "small", fits / "other split"])
+    with refused("fits: found 1, expected two or more"):
+        homofact.compare_fits([fits / "small"])
+    with refused("two.jpg: ends in '.jpg', expected .png"):
+        homofact.compare_fits([fits / "small", fits / "large"], plot=tmp_path / "two.jpg")
+    assert main(["compare", str(fits / "small"), str(fits / "large"), "--csv", str(tmp_path / "a.csv")]) == 2
+    assert "csv: given beside saved fits" in capsys.readouterr().err
+    # Between fits and sources there is nothing to compare.
+    assert main(["compare", str(fits / "small"), SOURCE]) == 2
+    assert "found the folder of a fit" in capsys.readouterr().err
