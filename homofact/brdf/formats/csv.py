@@ -8,8 +8,8 @@ Lines with # come before the header: `isotropic` and `noise_free` take true or f
 default `noise_free` is false, and samples lit from a single azimuth are isotropic, which the provenance notes. The
 header names the columns, in any order: both directions as theta_i, phi_i, theta_o, phi_o in radians (or with _rad), the
 same with _deg in degrees, or wi_x … wo_z; `weight` if there is one; every other column is a channel of f in sr⁻¹
-without the cosine, "550nm" being a wavelength. φ is absolute: the mirror direction of φi = 0 is φo = π. One column dphi,
-φo − φi, may replace both azimuths. Other programs' names are known too: theta_in, phi_out, theta_r, delta_phi.
+without the cosine, "550nm" being a wavelength. φ is absolute: the mirror direction of φi = 0 is φo = π. One column
+dphi, φo − φi, may replace both azimuths. Names of other programs are read too: theta_in, phi_out, theta_r, delta_phi.
 
 `write` writes all digits of each number and directions as vectors, so that samples are read back bit-identical. It adds
 a column `weight` if any weight differs from 1.
