@@ -18,6 +18,7 @@ from homofact.figures.compare_picture import (
     FitPanel,
     _bar,
     _coloured,
+    _row,
     compare_picture,
     relative_difference,
 )
@@ -126,6 +127,18 @@ def test_all_differences_share_one_scale_on_which_small_errors_are_seen():
     np.testing.assert_array_equal(marks, [50, 90, 110, 150])
     for mark, value in zip(marks + 1, (-0.1, -0.01, 0.01, 0.1), strict=True):
         np.testing.assert_allclose(bar[0, mark], _coloured(np.array([[value]]))[0, 0], atol=0.04)
+
+
+def test_the_range_below_holds_all_but_a_few_pixels():
+    source = SphereImage(torch.full((20, 20, 3), 0.5).double(), torch.ones(20, 20).double())
+    fit = SphereImage(torch.full((20, 20, 3), 0.55).double(), torch.ones(20, 20).double())
+    fit.radiance[0, :6] = 5.0
+    row = _row("sky", [source, fit], None)
+    (known,) = row.report.ranges
+    assert 0.08 < known < 0.1
+    # With three times as many it holds no longer.
+    fit.radiance[0] = 5.0
+    assert _row("sky", [source, fit], None).report.ranges[0] > 1
 
 
 @pytest.mark.slow
