@@ -164,8 +164,8 @@ def _around_in_words(spread: float | None) -> str:
     if spread is None or spread < _TOLD_AROUND:
         return ""
     return (
-        f"by {spread:.0%} (typical of the angles): lit or seen along the normal, an isotropic material looks the same"
-        " from all azimuths; average these samples, or state that the material is anisotropic"
+        f"values of samples along the normal differ by {spread:.0%} with the azimuth, on which those of an isotropic"
+        " material do not depend: average them, or state that the material is anisotropic"
     )
 
 

@@ -237,13 +237,21 @@ class _Work:
         return best, rows | ({f"solved for {self.format.name}": best} if is_solved(self.fitted) else {})
 
     def _quantized(self, storage: str) -> "Fitted":
-        """The fit with whole texels; a product's are solved on the samples that it was made from."""
+        """The fit with whole texels; a product's are solved on the samples that it was made from.
+
+        Those of an edited fit are of the material before the edit: it is solved on values of its own.
+        """
         from homofact.evaluation.reopening import settings_of
+        from homofact.exporting.as_source import as_source
+        from homofact.factor.edited import edits_in_words
         from homofact.factor.quantize import is_solved, rounded
         from homofact.methods.common import quantized
 
         if not is_solved(self.fitted):
             return rounded(self.fitted, storage)
+        if edits_in_words(self.fitted.provenance):
+            own = as_source(self.fitted, "the fit").samples
+            return quantized(self.fitted, own, settings_of(self.fitted), storage)
         if isinstance(self.source, str):
             raise BadInput(self.source, where="quantize", expected="the samples to solve on: name their source")
         return quantized(self.fitted, self.source.training, settings_of(self.fitted), storage)

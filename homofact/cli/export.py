@@ -17,6 +17,9 @@ from homofact.evaluation.wording import counted
 
 HTML, README = "html", "README.md"
 
+# RMS of logarithms by which storing may move a fit without a word: 5% of the values.
+_MUCH_MOVED = 0.05
+
 
 def export(
     result: o.Result,
@@ -147,7 +150,19 @@ def _warnings(found: ExportResult) -> list[str]:
         "" if found.likeness is None else found.likeness.warning_of(found.prefiltered is not None),
         "" if found.light is None else found.light.warning,
     ]
-    return [each for each in (why if found.caution else "", *told) if each]
+    return [each for each in (why if found.caution else "", *told, _storage_warning(found)) if each]
+
+
+def _storage_warning(found: ExportResult) -> str:
+    """A line on what storing moved by more than an eye may miss; "" where it did not."""
+    stored = list(found.errors)[-1]
+    moved = found.errors[stored]["log_difference"]
+    if not moved > _MUCH_MOVED:
+        return ""
+    more = "the formats png16 and exr16 store more" if found.format == "png8" else ""
+    if more and not stored.startswith("solved"):
+        more = f"--quantize png8 solves the texels for 8 bits, and {more}"
+    return f"{stored}, the logarithms are off by {moved:.2g} (RMS)" + (f": {more}" if more else "")
 
 
 def _noise_line(measured: Sequence[Mapping[str, float]]) -> str:

@@ -73,7 +73,10 @@ def cholesky(problem: LeastSquares) -> Solution:
 
 def _norm(matrix: Tensor) -> float:
     """The 1-norm of a matrix, some rows at a time."""
-    return float(sum(rows.abs().sum(0) for rows in matrix.split(ROWS)).max())
+    columns = torch.zeros(matrix.shape[1], dtype=matrix.dtype)
+    for rows in matrix.split(ROWS):
+        columns += rows.abs().sum(0)
+    return float(columns.max())
 
 
 def solve_definite(matrix: Tensor, rhs: Tensor) -> tuple[Tensor, Status]:

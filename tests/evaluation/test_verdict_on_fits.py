@@ -270,3 +270,14 @@ def test_a_setting_that_the_fit_was_made_with_is_not_advised() -> None:
         noted = Noted(fitted, zeros, Search(size=10, reciprocal=False, epsilon=epsilon), TRAIN, one.status)
         (found,) = (each for each in of_the_figures(noted) if each.name == "zeros")
         assert found.advice == expected
+
+
+def test_gains_that_were_looked_for_are_not_advised_again() -> None:
+    one = verdict(settings=Search(size=10, reciprocal=False))
+    ring = replace(one.figures, data=replace(one.figures.data, ring=0.5, ring_where="θi = 20°"))
+    fitted: Any = Altered()
+    for gains, expected in (({}, Advice("calibrate", "rings")), ({"rings": {"removed": False}}, None)):
+        train = replace(TRAIN, provenance=TRAIN.provenance | {"gains": gains})
+        noted = Noted(fitted, ring, Search(size=10, reciprocal=False), train, one.status)
+        (found,) = (each for each in of_the_figures(noted) if each.name == "ring")
+        assert found.advice == expected

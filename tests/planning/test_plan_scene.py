@@ -87,6 +87,7 @@ def test_several_lightings_and_limits_and_a_distance(tmp_path: Path) -> None:
     file.write_text(text.replace("[lighting]", '[[lighting]]\nnamed = "overcast"\n[[lighting]]'))
     found = read_scene(file)
     assert [each.name for each in found.lightings] == ["overcast", "sun"]
+    assert found.tolerance is not None
     assert found.tolerance.limits == (("delta_e", 1.0), ("delta_e_peak", 9.0))
     assert found.materials[0].pixels == 40
 

@@ -4,8 +4,9 @@ Reciprocity is checked with the error of `brdf.symmetry`, computed from the refl
 
 Energy is checked with the albedo ∫ f cosθo dωo at a few angles of incidence. The integral runs over half vectors h: ωo
 is ωi mirrored at h and dωo = 4 (ωi·h) dωh. The steps of θh are finer towards the normal, so that narrow highlights are
-not missed. For an isotropic material that was lit from rings of θi, each direction ωo counts with the value of the
-nearest sample of the ring: an interpolation between rings has highlights where nobody measured one.
+not missed. For an isotropic material that was lit from rings of θi with views all round, each direction ωo counts with
+the value of the nearest sample of the ring, if no single one decides: an interpolation between rings has highlights
+where nobody measured one.
 
 An isotropic material that is lit, or seen, along the normal looks the same from all azimuths: what samples there differ
 by is noise, a spot that was not the same, or anisotropy.
@@ -31,6 +32,8 @@ from homofact.geometry.nearest import tree_of
 
 ALBEDO_DEGREES = (0.0, 15.0, 30.0, 45.0, 60.0, 75.0)
 _STEPS = 90  # of θo, and of the azimuth on one side
+_LEAST_ON_A_RING = 100
+_NEAR, _FAR_PART, _MOST_OF_ONE = math.radians(15.0), 0.1, 0.2
 _ALONG, _LEAST_AROUND = math.radians(0.5), 4  # nearer to the normal a direction has no azimuth; samples of a group
 
 
@@ -60,12 +63,12 @@ def evaluated_faults(samples: Samples, reflectance: Reflectance, own: bool) -> d
     angles, fineness = (ALBEDO_DEGREES, {}) if own else (_lit(samples), {"rings": 16, "spokes": 24})
     azimuths = light_azimuths(samples.isotropic)
     ringed = not own and samples.isotropic and ring_numbers(samples.wi) is not None
-    largest = {
-        f"{angle:g}": _ring_albedo(samples, angle)
-        if ringed
-        else max(float(albedo(reflectance, angle, a, **fineness).max()) for a in azimuths)
-        for angle in angles
-    }
+    largest = {}
+    for angle in angles:
+        found = _ring_albedo(samples, angle) if ringed else None
+        if found is None:
+            found = max(float(albedo(reflectance, angle, a, **fineness).max()) for a in azimuths)
+        largest[f"{angle:g}"] = found
     return {
         "reciprocity_error": reciprocity,
         "differs_around_the_normal": None if own else spread_around_the_normal(samples),
@@ -93,18 +96,30 @@ def spread_around_the_normal(samples: Samples) -> float | None:
     return float(torch.tensor(spreads).median()) if spreads else None
 
 
-def _ring_albedo(samples: Samples, degrees: float) -> float:
-    """∫ f cosθo dωo of the largest channel, each direction with the nearest sample lit from within half a degree."""
+def _ring_albedo(samples: Samples, degrees: float) -> float | None:
+    """∫ f cosθo dωo of the largest channel, each direction with the nearest sample lit from within half a degree.
+
+    None for fewer than `_LEAST_ON_A_RING` samples, where more than `_FAR_PART` of it, of a white surface, has no sample
+    within `_NEAR`, and where one sample holds more than `_MOST_OF_ONE` of it: its cell would decide.
+    """
     ring = (to_spherical(samples.wi)[0] * (180 / math.pi) - degrees).abs() <= 0.5
     wi, wo = samples.wi[ring], samples.wo[ring]
+    if len(wi) < _LEAST_ON_A_RING:
+        return None
     theta_o, turn = angles_of_pairs(wi, wo)[:, 1], angles_of_pairs(wi, wo)[:, 2]
     steps = (torch.arange(_STEPS, dtype=torch.float64) + 0.5) / _STEPS
     theta, phi = torch.meshgrid(steps * (math.pi / 2), steps * math.pi, indexing="ij")
-    nearest = tree_of(from_spherical(theta_o, turn)).query(from_spherical(theta.ravel(), phi.ravel()))[1]
+    places = from_spherical(theta_o, turn).cpu().numpy()
+    apart, nearest = tree_of(places).query(from_spherical(theta.ravel(), phi.ravel()).numpy())
     # Both halves of the hemisphere, which mirror each other.
-    weight = 2 * torch.sin(theta) * torch.cos(theta) * (math.pi / 2 / _STEPS) * (math.pi / _STEPS)
-    values = samples.values[ring][torch.from_numpy(nearest)]
-    return float((values * weight.ravel()[:, None]).sum(0).max())
+    weight = (2 * torch.sin(theta) * torch.cos(theta) * (math.pi / 2 / _STEPS) * (math.pi / _STEPS)).ravel()
+    if float(weight[torch.from_numpy(apart) > _NEAR].sum()) > _FAR_PART * math.pi:
+        return None
+    solid = torch.zeros(len(wi), dtype=torch.float64).index_add_(0, torch.from_numpy(nearest), weight)
+    light = samples.values[ring] * solid[:, None]
+    if bool((light > _MOST_OF_ONE * light.sum(0)).any()):
+        return None
+    return float(light.sum(0).max())
 
 
 def _lit(samples: Samples) -> list[float]:

@@ -49,6 +49,12 @@ class Noted:
         """Of the fit's logarithms."""
         return self.fitted.transform.epsilon
 
+    def was_followed(self, advice: Advice) -> bool:
+        """Return whether the fit, or the reading of its samples, was made with a setting."""
+        if advice.setting == "calibrate":
+            return advice.value in (self.train.provenance.get("gains") or {})
+        return vars(self.settings).get(advice.setting) == advice.value
+
     @property
     def whose(self) -> str:
         """Of which logarithms it is said what is explained."""
@@ -86,8 +92,8 @@ class _Note:
             return None
         found = self.found.format(value=value, most=self.most, noted=noted)
         advice = self.advice(noted, value)
-        if advice is not None and vars(noted.settings).get(advice.setting) == advice.value:
-            advice = None  # the fit was made so
+        if advice is not None and noted.was_followed(advice):
+            advice = None
         return Finding(self.name, self.about, found, self.remedy, advice, self.feature)
 
 
