@@ -200,6 +200,26 @@ def test_the_albedo_is_the_library_s_with_its_warning(page: Any) -> None:
     wait_for(page, "return document.getElementById('albedo-warning').textContent === ''")
 
 
+def test_the_albedo_follows_an_edit_that_takes_several_frames(page: Any) -> None:
+    quiet(page)
+    before = page.execute_script("return document.getElementById('albedo').textContent")
+    # With no time left a frame sums no more than one column of the picture. What was to be read before is not.
+    page.execute_script(
+        "const p = homofact.page, draw = p.draw; p.budget = -1e6; window.unfinished = 0; clearTimeout(p.reading);"
+        "p.draw = () => { draw.call(p); if (p.view.pending) window.unfinished += 1; };"
+        "p.edit(p.values.map((each, k) => (2 + (k % 7)) * each))"
+    )
+    wait_for(
+        page,
+        "const p = homofact.page, furnace = p.furnaces[p.state.material];"
+        "return !p.view.pending && p.pending === null &&"
+        " document.getElementById('albedo').textContent ==="
+        " furnace.largest(furnace.albedo(p.history.state)).value.toFixed(2)",
+    )
+    assert page.execute_script("return document.getElementById('albedo').textContent") != before
+    assert page.execute_script("delete homofact.page.draw; return window.unfinished") > 0
+
+
 def wait_for(driver: Any, script: str) -> None:
     """Until a script answers true."""
     driver.execute_async_script(

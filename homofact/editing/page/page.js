@@ -193,8 +193,13 @@ class Page {
     this.frames += 1;
     this.firstFrameMs ??= performance.now();
     if (!dragged || began - (this.told ?? -Infinity) > TELLING) this.tell(began);
+    // An edit may take several frames, of which the last ones edit nothing.
+    this.readingDue ||= all || edited;
     if (view.pending) this.changed("picture");
-    else if (all || edited) this.readSoon();
+    else if (this.readingDue) {
+      this.readingDue = false;
+      this.readSoon();
+    }
   }
 
   tell(now) {
