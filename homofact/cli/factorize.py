@@ -15,6 +15,7 @@ from homofact.cli.verdicts import (
     cause_lines,
     figures_line,
     finding_lines,
+    incidence_lines,
     names_of,
     strictness,
     verdict_line,
@@ -81,7 +82,7 @@ def factorize(
         )
         screen.show(
             *(hanging(line, len(BULLET)) if line.startswith(BULLET) else Text(line) for line in finding_lines(verdict)),
-            hanging(figures_line(verdict), len("  ")),
+            *(hanging(line, len("  ")) for line in (*incidence_lines(verdict), figures_line(verdict))),
             "",
             *([hanging(line, len("  ")) for line in advice_lines(found.row)] or _next_lines(found)),
         )

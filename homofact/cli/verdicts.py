@@ -21,7 +21,8 @@ def verdict_lines(row: "ComparisonRow") -> list[str]:
     """Return the error bars in sentences with a warning and its cause, the findings and their figures, what to try."""
     verdict = row.verdict
     return [
-        verdict_line(verdict), *where_lines(verdict), *cause_lines(verdict), *finding_lines(verdict),
+        verdict_line(verdict), *where_lines(verdict), *incidence_lines(verdict), *cause_lines(verdict),
+        *finding_lines(verdict),
         figures_line(verdict), *advice_lines(row),
     ]  # fmt: skip
 
@@ -38,6 +39,12 @@ def where_lines(verdict: "Verdict") -> list[str]:
     """
     bars = verdict.bars
     return [f"Where: {words}" for words in (bars.by_angle_sentence(), bars.extrapolated_sentence()) if words]
+
+
+def incidence_lines(verdict: "Verdict") -> list[str]:
+    """Return what the fit has of its samples' light, by angle of incidence, in a line; none where it is not known."""
+    parts = [f"{low:.0f}–{high:.0f}° {ratio:.0%}" for low, high, ratio in verdict.figures.light.by_incidence]
+    return [f"Light of the fit over that of its samples, by θi: {', '.join(parts)}"] if parts else []
 
 
 def cause_lines(verdict: "Verdict") -> list[str]:

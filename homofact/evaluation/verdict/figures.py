@@ -61,6 +61,8 @@ class LightFigures:
         evaluated.
     peak, peak_fit, peak_where : the brightest sample of all, held out or not, in sr⁻¹ (mean of the channels), what the
         fit has there, and at which angles.
+    by_incidence : (from, to, light of the fit over that of its samples) by θi in degrees; empty where the source can be
+        evaluated.
     """
 
     off: float | None
@@ -77,6 +79,7 @@ class LightFigures:
     peak: float = 0.0
     peak_fit: float = 0.0
     peak_where: str = ""
+    by_incidence: tuple[tuple[float, float, float], ...] = ()
 
 
 @dataclass(frozen=True)

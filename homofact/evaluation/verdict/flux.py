@@ -52,6 +52,22 @@ def misplaced(flux: Tensor, expected: Tensor, found: Tensor) -> float:
     return float((missed[own > 0] / own[own > 0]).mean()) if bool((own > 0).any()) else 0.0
 
 
+def by_incidence(samples: Samples, flux: Tensor, found: Tensor) -> tuple[tuple[float, float, float], ...]:
+    """Return (from, to, light of the fit over that of the samples) by bands of θi in degrees, all channels together.
+
+    Of bands with `LEAST_IN_A_BAND` samples and some light.
+    """
+    degrees = torch.rad2deg(to_spherical(samples.wi)[0])
+    own, fits = flux * samples.values.mean(1), flux * found.mean(1)
+    rows = []
+    for low, high in zip(BANDS["θi"], BANDS["θi"][1:], strict=False):
+        inside = (degrees >= low) & (degrees < high)
+        light = float(own[inside].sum())
+        if int(inside.sum()) >= LEAST_IN_A_BAND and light > 0:
+            rows.append((float(low), float(high), float(fits[inside].sum()) / light))
+    return tuple(rows)
+
+
 def worst_band(
     samples: Samples, flux: Tensor, found: Tensor, names: Sequence[str] = tuple(BANDS)
 ) -> tuple[float, str] | None:

@@ -137,6 +137,7 @@ def _light(
         reciprocity=asymmetry,
         data_reciprocity=flux.asymmetry_of_samples(drawn, light, seed) if seen is None else seen.energy.asymmetry,
         floor=None if seen is None else seen.energy.floor_cosine,
+        by_incidence=flux.by_incidence(drawn, light, values) if seen is None else (),
     )
     return figures, unmeasured
 

@@ -1,0 +1,37 @@
+"""The light of a fit over that of its samples, by angle of incidence: of measurements, and of bands that hold some."""
+
+import pytest
+import torch
+from judged import seen, verdict
+
+from homofact.brdf.materials import material
+from homofact.brdf.sampling import sample_model
+from homofact.cli.verdicts import incidence_lines
+from homofact.evaluation.verdict.flux import BANDS, by_incidence, flux_of
+from homofact.geometry.directions import to_spherical
+
+
+def test_each_band_has_its_own_ratio() -> None:
+    samples = sample_model(material("lafortune-clay").model, 2000, "discs", 1)
+    degrees = torch.rad2deg(to_spherical(samples.wi)[0])
+    # Twice as bright from 45° on, half in the last band.
+    factor = torch.where(degrees < 45, 1.0, 2.0) * torch.where(degrees < 75, 1.0, 0.25)
+    rows = by_incidence(samples, flux_of(samples), samples.values * factor[:, None])
+    assert [row[:2] for row in rows] == list(zip(BANDS["θi"], BANDS["θi"][1:], strict=False))
+    assert [row[2] for row in rows] == pytest.approx([1, 1, 1, 2, 2, 0.5])
+
+
+def test_a_band_without_enough_samples_or_light_has_none() -> None:
+    samples = sample_model(material("lafortune-clay").model, 2000, "discs", 1)
+    degrees = torch.rad2deg(to_spherical(samples.wi)[0])
+    few = samples.select((degrees > 30) | (torch.arange(2000) < 40))
+    assert by_incidence(few, flux_of(few), few.values)[0][0] == 30
+    assert by_incidence(samples, flux_of(samples) * (degrees > 30), samples.values)[0][0] == 30
+
+
+def test_it_is_told_of_samples_alone() -> None:
+    fit = verdict()
+    (line,) = incidence_lines(fit)
+    for low, high, ratio in fit.figures.light.by_incidence:
+        assert f"{low:.0f}–{high:.0f}° {ratio:.0%}" in line
+    assert incidence_lines(verdict(seen=seen())) == []
