@@ -91,6 +91,9 @@ def finite(value: float) -> float | None:
 
 def _asked(plan: MaterialPlan, rung: Candidate, answer: LadderOutcome) -> dict[str, Any]:
     facts = {name: finite(value) if isinstance(value, float) else value for name, value in vars(answer).items()}
+    # Only a tolerance that asks for trust has its candidates judged, and of these only those within its limits.
+    if not plan.tolerance.trusted or (answer.trusted and answer.error > 1):
+        facts["trusted"] = None
     predicted = {}
     if rung.is_colour:
         # Of one colour theory is exact, over all turnings of the lighting.

@@ -59,6 +59,8 @@ def test_the_record_and_the_folders_keep_them_apart(found: ScenePlan, tmp_path: 
     assert [each["folder"] for each in record["materials"]] == ["1-far-again", "2-near", "1-far-again"]
     assert [each["tolerance"] for each in record["materials"]] == [None, {"cole": 0.2}, None]
     assert set(record["margins"]) == {"reflected", "cole"}
+    # None was judged, since no tolerance asks for trust.
+    assert {asked["trusted"] for each in record["materials"] for asked in each["asked"]} == {None}
     facts = plan_facts(tmp_path / "plan")
     assert facts is not None
     rows = facts[1]
