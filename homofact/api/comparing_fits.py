@@ -11,7 +11,6 @@ from homofact.api.progress import Progress, ProgressSteps
 from homofact.api.result import Fit
 from homofact.api.subjects import Place, given_fit
 from homofact.errors import BadInput
-from homofact.evaluation.wording import counted, figure
 
 if TYPE_CHECKING:
     from homofact.evaluation.reopening import Reopened
@@ -90,6 +89,7 @@ def compare_fits(
     if picture is not None:
         check_file(picture, ".png")
 
+    from homofact.api.factorizing import draw_fits
     from homofact.api.loading import load
     from homofact.evaluation.appearance import appearance
     from homofact.evaluation.metrics import measure
@@ -113,6 +113,7 @@ def compare_fits(
         steps.stage(f"measuring {label}")
         fitted, seen = one.factorization, appearance(one.factorization, first.source)
         records[label] = {
+            "textures": len(fitted.terms),
             "bytes": fitted.nbytes,
             "fetches": fitted.fetches,
             "shapes": [list(texture.size) for texture in fitted.textures],
@@ -121,10 +122,11 @@ def compare_fits(
             "appearance": None if seen is None else seen.record(),
             "verdict": given[label].verdict,
         }
-    part = "held_out" if "held_out" in parts else "source"
     if picture is not None:
         steps.stage("drawing")
-        _draw(picture, first, opened, records, part)
+        picture.parent.mkdir(parents=True, exist_ok=True)
+        draw_fits(picture, first.source, opened, records)
+    part = "held_out" if "held_out" in parts else "source"
     return FitsComparison(first.source.name, part, opened, records, picture)
 
 
@@ -145,25 +147,3 @@ def _one_source(found: "dict[str, Reopened]") -> "Reopened":
                 expected=f"one of the samples of {first.source.name}, as {first_label}",
             )
     return first
-
-
-def _draw(
-    picture: Path, found: "Reopened", fits: dict[str, Fit], records: dict[str, dict[str, Any]], part: str
-) -> None:
-    from homofact.brdf.channels import display_of
-    from homofact.figures.compare_picture import FitPanel, compare_picture
-
-    words = "held out" if part == "held_out" else "on all samples"
-    panels = []
-    for label, fit in fits.items():
-        record = records[label]
-        errors = record["error"][part]
-        lines = [
-            f"log MSE {figure(errors['log_mse'])}, log MAE {figure(errors['log_mae'])}, {words}",
-            f"{counted(len(fit.factorization.terms), 'texture')}, {record['bytes']} bytes,"
-            f" {counted(record['fetches'], 'fetch')}",
-        ]
-        panels.append(FitPanel(label, fit.factorization, lines, None if fit.verdict is None else fit.verdict.bars))
-    picture.parent.mkdir(parents=True, exist_ok=True)
-    source = found.source
-    compare_picture(picture, (source.name, source.reflectance), panels, to_rgb=display_of(source.samples.channels))

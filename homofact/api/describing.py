@@ -14,6 +14,7 @@ from homofact.api.subjects import Place, given_source, open_given
 from homofact.api.toml_facts import toml_facts
 from homofact.brdf.source_names import DISMISSED
 from homofact.errors import BadInput
+from homofact.evaluation.wording import figure
 from homofact.sections import SourceSettings
 
 if TYPE_CHECKING:
@@ -26,8 +27,8 @@ WHITE_STANDARD = (
     " (often π), an offset or a gamma in the values."
 )
 
-# Of the spread around the normal: less is noise, and not told.
-_TOLD_AROUND = 0.15
+# Of the spread along the normal: less is noise, and not told.
+_LEAST_SPREAD = 0.15
 
 
 @dataclass(frozen=True)
@@ -148,23 +149,22 @@ def _faults_in_words(faults: dict[str, Any]) -> dict[str, Any]:
     holes = faults["holes"]
     found = {
         "reciprocity_error": _reciprocity_in_words(faults["reciprocity_error"]),
-        "differs_around_the_normal": _around_in_words(faults.get("differs_around_the_normal")),
+        "spread_along_the_normal": _spread_in_words(faults["spread_along_the_normal"]),
         "albedo_by_degrees": ", ".join(f"{value:.4g} at {at}°" for at, value in faults["albedo_by_degrees"].items()),
         "holes": f"{holes['empty']} of {holes['cells']} cells ({holes['share']:.0%})",
     }
     # `albedo_by_degrees` states its angles, so that its row needs the name alone.
-    words = {
-        "albedo" if name == "albedo_by_degrees" else name: found.get(name, value) for name, value in faults.items()
-    }
-    return {name: value for name, value in words.items() if value != "" and value is not None}
+    names = {"albedo_by_degrees": "albedo", "spread_along_the_normal": "along_the_normal"}
+    words = {names.get(name, name): found.get(name, value) for name, value in faults.items()}
+    return {name: value for name, value in words.items() if value != ""}
 
 
-def _around_in_words(spread: float | None) -> str:
-    """What samples along the normal say of isotropy; "" where it is nothing to be told."""
-    if spread is None or spread < _TOLD_AROUND:
+def _spread_in_words(spread: float | None) -> str:
+    """By how much samples along the normal contradict isotropy; "" where they do not."""
+    if spread is None or spread < _LEAST_SPREAD:
         return ""
     return (
-        f"values of samples along the normal differ by {spread:.0%} with the azimuth, on which those of an isotropic"
+        f"values differ by {spread:.0%} with the azimuth of the other direction, on which those of an isotropic"
         " material do not depend: average them, or state that the material is anisotropic"
     )
 
@@ -174,9 +174,7 @@ def _reciprocity_in_words(error: dict[str, float] | None) -> str:
     if error is None:
         return "not measured: fewer than ten pairs of samples with light and view exchanged"
     pairs = f" of {int(error['pairs'])} pairs of samples" if "pairs" in error else ""
-    median, most = (
-        f"{100 * error[name]:.2g}" if error[name] < 0.995 else f"{100 * error[name]:.0f}" for name in ("median", "p95")
-    )
+    median, most = (figure(100 * error[name]) for name in ("median", "p95"))
     return f"{median}% in the median{pairs}, 95% of them within {most}%"
 
 

@@ -246,14 +246,14 @@ def _prepared(file: "EditSceneFile", steps: ProgressSteps) -> "EditResult":
     done = time.perf_counter()
     steps.stage("measuring the error")
     parts, lights = rank_errors(prepared), light_error(prepared)
-    notes = [*scene.notes, *_above_tolerance(parts, file.settings.tolerance)]
-    for line in notes[len(scene.notes) :]:
+    above = _above_tolerance(parts, file.settings.tolerance)
+    for line in above:
         steps.note(line)
     report = _report(file, prepared, parts, lights)
     report["seconds"] = {
         "materials": opened - begun, "precompute": done - opened, "errors": time.perf_counter() - done,
     }  # fmt: skip
-    report["notes"] = notes
+    report["notes"] = [*scene.notes, *above]
     report["fits"] = {words: fit.record() for words, fit in fits.made.items()}
     return EditResult(file, prepared, report, parts, tuple(fits.made.values()))
 

@@ -1,5 +1,6 @@
 """Factorizing: a source fitted and judged on held-out samples, and the folder of the result."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,6 +19,7 @@ from homofact.methods.table import made, mccool_like
 from homofact.sections import SourceSettings
 
 if TYPE_CHECKING:
+    from homofact.api.result import Fit
     from homofact.brdf.source import Source
     from homofact.evaluation.compare import ComparisonRow
     from homofact.factor.fitted import Fitted
@@ -160,7 +162,7 @@ def factorize(
         steps.stage("drawing and writing")
 
         def draw(place: Path) -> None:
-            _draw(place / "compare.png", subject, rows, records)
+            draw_fits(place / "compare.png", subject, rows, records)
 
         write_result(
             folder,
@@ -203,9 +205,13 @@ def _report(subject: "Source", source: Any, records: dict[str, dict[str, Any]], 
     )
 
 
-def _draw(
-    picture: Path, subject: "Source", rows: "dict[str, ComparisonRow]", records: dict[str, dict[str, Any]]
+def draw_fits(
+    picture: Path,
+    subject: "Source",
+    rows: "Mapping[str, ComparisonRow | Fit]",
+    records: Mapping[str, dict[str, Any]],
 ) -> None:
+    """Draw a source beside fits of it by label, with the lines and error bars of their `records` below."""
     from homofact.brdf.channels import display_of
     from homofact.figures.compare_picture import FitPanel, compare_picture
 

@@ -64,6 +64,10 @@ def compare(
     """
     asked = settings.compare
     if asked.sources and all(RESULT.is_at(Path(place)) or EXPORT.is_at(Path(place)) for place in asked.sources):
+        made_anew = {"seeds": seeds != "1", "strict": bool(strict), "refuse": bool(refuse)}
+        made_anew |= {name: getattr(asked, name) is not None for name in ("chart", "csv", "latex")}
+        for name in (name for name, given in made_anew.items() if given):
+            raise BadInput("given beside saved fits", where=name, expected="sources with it")
         _compare_fits(asked, Screen(as_json, quiet))
         return
     sources = sources_of(settings, asked.sources)
@@ -103,10 +107,6 @@ def compare(
 
 def _compare_fits(asked: "CompareSettings", screen: Screen) -> None:
     """Saved fits of one source, beside each other."""
-    for name in ("chart", "csv", "latex"):
-        if getattr(asked, name) is not None:
-            raise BadInput("given beside saved fits", where=name, expected="sources with it")
-
     from homofact.api.comparing_fits import compare_fits
 
     with screen.progress() as progress:

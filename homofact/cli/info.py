@@ -87,4 +87,4 @@ def _show(found: "InfoResult", screen: Screen) -> None:
         lines = [hanging(f"- {suspicion.line()}", len("- ")) for suspicion in found.suspected]
         screen.show("Suspected, with the odds against the data as they stand:", *lines)
         names = "+".join(suspicion.name for suspicion in found.suspected)
-        screen.show(f"If you have checked them and the data are right: --dismiss {names}, here and in fits")
+        screen.show(f"If you have checked these and the data are right, add --dismiss {names}, also when you fit.")

@@ -117,7 +117,7 @@ def _show(found: "PlanResult", screen: Screen) -> None:
     doubted = doubt_lines(found.verdicts, found.missed)
     screen.show(*(Text(doubts, "bold red") for doubts in doubted))
     if doubted and not all(each.tolerance.trusted for each in plan.distinct):
-        screen.show("For choices that their verdicts trust, add trusted = true under [tolerance] of the scene.")
+        screen.show("For choices that their verdicts trust, add trusted = true to the tolerance.")
     screen.show("", evidence_table(plan), *map(Text, _lines(plan, found.against)))
     verdicts = [hanging(line, len("  - " if line.startswith(" ") else "  ")) for line in finding_lines(found.verdicts)]
     screen.show(*([""] if verdicts else []), *verdicts)
@@ -215,14 +215,12 @@ def _lines(found: "ScenePlan", other: "ScenePlan | None") -> list[str]:
                 f" {each.highlight_pixels:.2g} pixels wide."
             )
     lines += grade_lines([(each.name, each.opinion) for each in found.distinct if each.errors])
-    if any(each.tolerance.of_light for each in found.distinct):
-        pass
-    elif "cole" in found.limited_kinds:
+    if not any(each.tolerance.of_light for each in found.distinct):
         lines.append(
             "The Cole error weighs all pairs of directions equally, so the lighting does not change this plan."
+            if "cole" in found.limited_kinds
+            else "This tolerance has its own light, so the scene's lighting does not change this plan."
         )
-    else:
-        lines.append("This tolerance has its own light, so the scene's lighting does not change this plan.")
     if found.allocated:
         lines.append(
             f"The best choices together exceed {found.scene.budget.bytes} bytes. The plan distributes these"

@@ -128,12 +128,13 @@ class LeastSquares:
 
     def normal(self) -> tuple[Tensor, Tensor]:
         """Return (BᵀWB + λ'LᵀL + δI, BᵀWf) restricted to the kept unknowns: (K, K), (K, C), dense."""
-        matrix = _among(self.data.matrix, self.kept)
-        _add_penalty(matrix, self.roughness, self.penalty_scale, self.ridge, self.kept)
+        kept = None if bool(self.kept.all()) else self.kept
+        matrix = self.data.matrix.clone() if kept is None else _among(self.data.matrix, kept)
+        _add_penalty(matrix, self.roughness, self.penalty_scale, self.ridge, kept)
         if self.gauge is not None:
-            gauge = self.gauge[self.kept]
+            gauge = self.gauge if kept is None else self.gauge[kept]
             matrix.addmm_(gauge, gauge.T, alpha=self.gauge_scale)
-        return matrix, self.data.rhs[self.kept]
+        return matrix, self.data.rhs if kept is None else self.data.rhs[kept]
 
     def rows(self) -> tuple[scipy.sparse.csr_matrix, np.ndarray]:
         """The stacked sparse rows [√W B; √λ' L; √δ I; √μ Zᵀ] (·, K) and targets [√W f; 0; 0; 0] (·, C), on the CPU."""
@@ -221,8 +222,6 @@ def minimum(problem: LeastSquares) -> tuple[Tensor, float]:
 
 def _among(matrix: Tensor, kept: Tensor) -> Tensor:
     """A copy of the rows and columns of `matrix` (T, T) that are `kept` (T,), without another one beside it."""
-    if bool(kept.all()):
-        return matrix.clone()
     places = kept.nonzero()[:, 0]
     found = matrix.new_empty(len(places), len(places))
     for begin in range(0, len(places), ROWS):

@@ -34,7 +34,7 @@ ALBEDO_DEGREES = (0.0, 15.0, 30.0, 45.0, 60.0, 75.0)
 _STEPS = 90  # of θo, and of the azimuth on one side
 _LEAST_ON_A_RING = 100
 _NEAR, _FAR_PART, _MOST_OF_ONE = math.radians(15.0), 0.1, 0.2
-_ALONG, _LEAST_AROUND = math.radians(0.5), 4  # nearer to the normal a direction has no azimuth; samples of a group
+_ALONG, _LEAST_IN_A_GROUP = math.radians(0.5), 4  # nearer to the normal a direction has no azimuth; samples of a group
 
 
 def albedo(reflectance: Reflectance, degrees: float, azimuth: float = 0.0, rings: int = 48, spokes: int = 64) -> Tensor:
@@ -71,13 +71,13 @@ def evaluated_faults(samples: Samples, reflectance: Reflectance, own: bool) -> d
         largest[f"{angle:g}"] = found
     return {
         "reciprocity_error": reciprocity,
-        "differs_around_the_normal": None if own else spread_around_the_normal(samples),
+        "spread_along_the_normal": None if own else spread_along_the_normal(samples),
         "albedo_by_degrees": {angle: round(value, 4) for angle, value in largest.items()},
         "energy_above_one": any(value > 1 for value in largest.values()),
     }
 
 
-def spread_around_the_normal(samples: Samples) -> float | None:
+def spread_along_the_normal(samples: Samples) -> float | None:
     """Return by how much isotropic samples along the normal differ with the azimuth; None for too few of them.
 
     Those with one direction within `_ALONG` of the normal are grouped by the other's angle. It is the median of the
@@ -91,7 +91,7 @@ def spread_around_the_normal(samples: Samples) -> float | None:
         rank = (to_spherical(other[along])[0] / _ALONG).round().long()
         for ring in rank.unique():
             values = bright[along][rank == ring]
-            if len(values) >= _LEAST_AROUND and float(values.mean()) > 0:
+            if len(values) >= _LEAST_IN_A_GROUP and float(values.mean()) > 0:
                 spreads.append(float(values.std() / values.mean()))
     return float(torch.tensor(spreads).median()) if spreads else None
 

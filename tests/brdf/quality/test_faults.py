@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from homofact.brdf.analytic import Lambert, Phong
-from homofact.brdf.quality.faults import albedo, evaluated_faults, spread_around_the_normal
+from homofact.brdf.quality.faults import albedo, evaluated_faults, spread_along_the_normal
 from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
 from homofact.brdf.source import describe, open_source
@@ -80,10 +80,10 @@ def test_albedo_of_rings_is_that_of_the_samples() -> None:
 
 def test_what_lies_around_the_normal_must_not_depend_on_the_azimuth() -> None:
     even = ringed(lambda i, o, phi: 0.2 + 0.1 * torch.cos(o))
-    assert spread_around_the_normal(even) == pytest.approx(0, abs=1e-12)
+    assert spread_along_the_normal(even) == pytest.approx(0, abs=1e-12)
     # f times 1 + 0.4 cos Δφ: over Δφ from 0 to 180° its standard deviation is 0.4 / √2 of the mean.
     turned = ringed(lambda i, o, phi: 0.2 * (1 + 0.4 * torch.cos(phi)))
-    assert spread_around_the_normal(turned) == pytest.approx(0.4 / math.sqrt(2), rel=0.1)
-    assert spread_around_the_normal(replace(turned, isotropic=False)) is None
+    assert spread_along_the_normal(turned) == pytest.approx(0.4 / math.sqrt(2), rel=0.1)
+    assert spread_along_the_normal(replace(turned, isotropic=False)) is None
     few = turned.select((turned.wi[:, 2] < 0.99) & (turned.wo[:, 2] < 0.99))
-    assert spread_around_the_normal(few) is None
+    assert spread_along_the_normal(few) is None
