@@ -122,11 +122,11 @@ class CompareResult:
 
     @property
     def warnings(self) -> list[str]:
-        """What to beware of in the means: errors with different ε."""
-        from homofact.evaluation.means import mixed_epsilons
+        """What to beware of in the means: errors with different ε, and deviations of seeds that gave one fit."""
+        from homofact.evaluation.means import mixed_epsilons, same_fits
 
-        mixed = mixed_epsilons(self.measured()) if self.with_means else ""
-        return [mixed] if mixed else []
+        measured = self.measured()
+        return [line for line in (self.with_means and mixed_epsilons(measured), same_fits(measured)) if line]
 
     def record(self) -> dict[str, Any]:
         """Return the JSON form."""

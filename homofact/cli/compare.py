@@ -14,12 +14,14 @@ from homofact.cli.subject import sources_of
 from homofact.cli.tables import appearance_tables, cost_table, error_table, mean_table, metric_tables, size_table
 from homofact.cli.verdicts import brief_lines, names_of, strictness
 from homofact.errors import BadInput
+from homofact.evaluation.wording import counted
 from homofact.files.kinds import EXPORT, RESULT
 from homofact.sections import FIT
 
 if TYPE_CHECKING:
     from homofact.api.compared import SourceComparison
     from homofact.config import Config
+    from homofact.evaluation.seeds import SeedRows
     from homofact.sections import CompareSettings
 
 Seeds = Annotated[
@@ -133,4 +135,14 @@ def _show(compared: "SourceComparison", screen: Screen, several: bool) -> None:
         screen.show(Text(f"\n{compared.source.name}", "bold"))
     screen.show(error_table(records), *appearance_tables(records))
     screen.show(*metric_tables(compared.metrics()), *map(Text, compared.conditions), cost_table(records))
-    screen.show(*map(Text, brief_lines({label: rows.first.verdict for label, rows in compared.rows.items()})))
+    screen.show(
+        *map(Text, brief_lines({_judged(label, rows): rows.first.verdict for label, rows in compared.rows.items()}))
+    )
+
+
+def _judged(label: str, seeds: "SeedRows") -> str:
+    """The label of a verdict: of several seeds it is that on the first, with how many of them are trusted."""
+    if len(seeds.rows) == 1:
+        return label
+    trusted = sum(row.verdict.trusted for row in seeds.rows)
+    return f"{label}, seed {seeds.first.settings.seed} (trusted: {trusted} of {counted(len(seeds.rows), 'seed')})"

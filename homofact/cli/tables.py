@@ -73,6 +73,9 @@ def appearance_tables(records: Mapping[str, Mapping[str, Any]]) -> list[Table]:
     names = ("rms_cosine", "floor_cosine", "albedo_worst", "energy_overall", "highlight", "psnr_light", "psnr_sky")
     for label, each in found.items():
         table.add_row(Text(label), *(figure(each[name]) for name in names))
+        if "spread" in records[label]:
+            spread = records[label]["spread"]["appearance"]
+            table.add_row("", *(Text(_under(spread[name]) if name in spread else "", "dim") for name in names))
     return [table, *_opinion_tables(found)]
 
 
@@ -147,6 +150,10 @@ def cost_table(records: Mapping[str, Mapping[str, Any]]) -> Table:
             f"{seconds['total']:.3g}",
             str(record["status"]),
         )
+        if "spread" in record:
+            spread = record["spread"]
+            spreads = (spread["evaluations"], spread["seconds"]["fit"], spread["seconds"]["total"])
+            table.add_row("", "", "", "", *(Text(_under(one), "dim") for one in spreads), "")
     return table
 
 

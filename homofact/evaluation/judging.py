@@ -30,7 +30,7 @@ PIXELS = 192
 
 
 def chosen_metrics(names: Sequence[str]) -> tuple[str, ...]:
-    """Return the metrics that `names` select, in the order of the table: "six", "all" or single names.
+    """Return the metrics that `names` select, in their order and each once: "six", "all" or single names.
 
     Raises BadInput that lists the names for an unknown one, MissingDependency for a metric without its library.
     """
@@ -40,8 +40,8 @@ def chosen_metrics(names: Sequence[str]) -> tuple[str, ...]:
     if unknown or not names:
         found = repr(unknown[0]) if unknown else "none"
         raise BadInput(where="metrics", found=found, expected=f"six, all, or some of {', '.join(METRICS)}")
-    wanted = {*names, *(SIX if "six" in names else ()), *(METRICS if "all" in names else ())}
-    chosen = tuple(name for name in METRICS if name in wanted)
+    several = {"six": SIX, "all": METRICS}
+    chosen = tuple(dict.fromkeys(one for name in names for one in several.get(name, (name,))))
     for name in chosen:
         if METRICS[name].library:
             extras.library(METRICS[name].library, "metrics")

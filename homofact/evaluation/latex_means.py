@@ -10,7 +10,7 @@ import re
 from collections.abc import Mapping, Sequence
 from decimal import Decimal
 
-from homofact.evaluation.means import MeanRow, MeasuredFit, mean_rows, mixed_epsilons
+from homofact.evaluation.means import MeanRow, MeasuredFit, mean_rows, mixed_epsilons, same_fits
 from homofact.evaluation.metric_table import METRICS
 from homofact.evaluation.spread import Spread
 from homofact.evaluation.wording import counted
@@ -51,7 +51,7 @@ def latex_of(fits: Sequence[MeasuredFit], by_source: bool = False) -> str:
     of = f"{counted(len(sources), 'source')} and {counted(len(seeds), 'seed')} ({', '.join(map(str, seeds))})"
     lines = [
         f"% homofact {__version__}: mean and standard deviation over the fits to {of}, on held-out samples.",
-        *(f"% {_comment(line)}" for line in (*sources_in_words(fits), *methods_in_words(fits), *_unspread(every))),
+        *(f"% {_comment(line)}" for line in (*sources_in_words(fits), *methods_in_words(fits), *_unspread(fits))),
         r"% \usepackage{booktabs}",
         rf"\begin{{tabular}}{{l{'r' * (len(metrics) + 3)}}}",
         r"\toprule",
@@ -115,12 +115,9 @@ def methods_in_words(fits: Sequence[MeasuredFit]) -> list[str]:
     return lines
 
 
-def _unspread(rows: Sequence[MeanRow]) -> list[str]:
+def _unspread(fits: Sequence[MeasuredFit]) -> list[str]:
     """What a deviation of 0 means, where there is one."""
-    spreads = [spread for row in rows for spread in row.spreads.values() if spread is not None]
-    if not any(spread.deviation == 0 for spread in spreads):
-        return []
-    return ["A deviation of 0: the seeds gave one and the same fit, so it tells nothing of how such fits scatter."]
+    return [line] if (line := same_fits(fits)) else []
 
 
 def _powers(rows: Sequence[MeanRow]) -> dict[str, int | None]:

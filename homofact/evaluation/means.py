@@ -12,7 +12,7 @@ from statistics import fmean
 from typing import Any
 
 from homofact.evaluation.appearance import mean_figures
-from homofact.evaluation.metric_table import METRICS
+from homofact.evaluation.metric_table import LIGHT, METRICS
 from homofact.evaluation.opinion import opinion_table
 from homofact.evaluation.spread import Spread
 from homofact.files.tables import csv_text
@@ -97,6 +97,8 @@ def mean_record(records: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     seconds = spreads([record["seconds"] for record in records])
     evaluations = Spread.of(record["evaluations"] for record in records)
     figures = [record["appearance"] for record in records if record["appearance"] is not None]
+    light = {name: [each[name] for each in figures] for name in (LIGHT if figures else ())}
+    appearance = {name: spread.record() for name, values in light.items() if (spread := _spread(values)) is not None}
     return {
         **own,
         **{name: max(record[name] for record in records) for name in ("bytes", "fetches")},
@@ -106,7 +108,12 @@ def mean_record(records: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         "error": {part: {name: spread["mean"] for name, spread in some.items()} for part, some in error.items()},
         "appearance": figures[0] | mean_figures(figures) | _mean_opinion(figures) if figures else None,
         "seeds": [record["seed"] for record in records],
-        "spread": {"error": error, "seconds": seconds, "evaluations": evaluations.record()},
+        "spread": {
+            "error": error,
+            "seconds": seconds,
+            "evaluations": evaluations.record(),
+            "appearance": appearance,
+        },
     }
 
 
@@ -152,6 +159,27 @@ def mixed_epsilons(fits: Sequence[MeasuredFit]) -> str:
     return (
         f"{', '.join(names)}: {what} over different ε ({listed}); for one ε give `epsilon={max(by_source.values()):g}`"
     )
+
+
+def same_fits(fits: Sequence[MeasuredFit]) -> str:
+    """Return a warning if a method gave one and the same fit for all its seeds; else nothing.
+
+    Examples
+    --------
+    >>> same_fits([MeasuredFit("a", "search", seed, 12, 3, {"log_mse": 0.1}, 1, 9, 2) for seed in (0, 1)])
+    'search: all seeds gave the same fit, so ± 0 tells nothing of how such fits scatter'
+    """
+    numbers: dict[tuple[str, str], list[tuple[float | None, ...]]] = {}
+    for fit in fits:
+        numbers.setdefault((fit.method, fit.source), []).append((fit.nbytes, *fit.values.values()))
+    alike: dict[str, list[str]] = {}
+    for (method, source), own in numbers.items():
+        if len(own) > 1 and len(set(own)) == 1:
+            alike.setdefault(method, []).append(source)
+    sources = len({fit.source for fit in fits})
+    named = [method + (f" on {', '.join(own)}" if len(own) < sources else "") for method, own in alike.items()]
+    same = "all seeds gave the same fit, so ± 0 tells nothing of how such fits scatter"
+    return f"{'; '.join(named)}: {same}" if named else ""
 
 
 def csv_of(fits: Sequence[MeasuredFit]) -> str:

@@ -142,7 +142,15 @@ def test_several_seeds_are_means_with_their_spread(capsys: pytest.CaptureFixture
     assert (spread["min"], spread["max"]) == (min(errors), max(errors))
     # A model has no azimuth copies: McCool's fit has no luck in it.
     assert mccool["spread"]["error"]["held_out"]["log_mse"]["standard_deviation"] == 0
+    light = cole["spread"]["appearance"]["rms_cosine"]
+    assert light["mean"] == pytest.approx(sum(row["appearance"]["rms_cosine"] for row in cole["rows"]) / 3)
     assert main(command) == 0
-    out = capsys.readouterr().out
+    ran = capsys.readouterr()
+    out = ran.out
     assert "mean ± standard deviation of 3 seeds" in " ".join(out.split())
+    assert f"±{brief_figure(light['standard_deviation'])}" in out.partition("Light, fit over source")[2]
+    assert f"±{brief_figure(cole['spread']['seconds']['fit']['standard_deviation'])[:1]}" in out.partition("Cost")[2]
+    trusted = [row["verdict"]["trusted"] for row in cole["rows"]]
+    assert f"Verdict on cole, seed 0 (trusted: {sum(trusted)} of 3 seeds)" in " ".join(out.split())
+    assert "homofact: mccool: all seeds gave the same fit" in ran.err
     assert f"±{brief_figure(spread['standard_deviation'])}" in out

@@ -115,7 +115,7 @@ def test_a_missing_library_is_named_with_its_extra(name: str, module: str, monke
         PICTURE[name](flat(0.5), flat(0.5), EVERYWHERE)
     with pytest.raises(MissingDependency, match="is not installed"):
         chosen_metrics(("ciede2000", name))
-    chosen_metrics(("ciede2000", "delta_e_itp"))
+    assert chosen_metrics(("delta_e_itp", "max", "ciede2000", "max")) == ("delta_e_itp", "max", "ciede2000")
 
 
 def test_displayed_is_the_picture_before_rounding() -> None:

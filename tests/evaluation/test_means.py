@@ -15,7 +15,7 @@ from pylatexenc.latexwalker import LatexEnvironmentNode, LatexWalker
 from homofact.api.progress import ProgressStep, ProgressSteps
 from homofact.errors import BadInput
 from homofact.evaluation.latex_means import escaped, latex_of, rounded
-from homofact.evaluation.means import MeasuredFit, csv_of, mean_rows, mixed_epsilons, settings_in_words
+from homofact.evaluation.means import MeasuredFit, csv_of, mean_rows, mixed_epsilons, same_fits, settings_in_words
 from homofact.evaluation.metric_table import METRICS
 from homofact.evaluation.seeds import asked_seeds
 from homofact.methods.cole import Cole
@@ -263,15 +263,15 @@ def test_fits_that_are_not_reciprocal_are_marked() -> None:
 
 
 def test_a_deviation_of_nothing_is_explained() -> None:
-    words = "% A deviation of 0: the seeds gave one and the same fit"
-    assert words in latex_of(FITS)  # the mean absolute errors are all 0.5
-    apart = [replace(one, values={"log_mse": 0.1 * k}) for k, one in enumerate(FITS[:3])]
-    assert words not in latex_of(apart)
-    # In the rows of one source alone it is explained too.
-    alike = [fit("paint", "search", seed, 4, 0.1) for seed in (0, 1)] + [fit("clay", "search", 0, 4, 0.3)]
-    alike = [replace(one, values={"log_mse": one.values["log_mse"]}) for one in alike]
-    assert words not in latex_of(alike)
-    assert words in latex_of(alike, by_source=True)
+    assert same_fits(FITS) == ""
+    # Two seeds of a source with the same numbers, and one fit of another.
+    paint, clay = [fit("paint", "search", seed, 4, 0.1) for seed in (0, 1)], fit("clay", "search", 0, 4, 0.3)
+    assert same_fits(paint).startswith("search: all seeds")
+    assert same_fits([*paint, clay]).startswith("search on paint: all seeds")
+    assert same_fits([*paint, clay, replace(clay, seed=1)]).startswith("search: all seeds")
+    assert same_fits([paint[0], replace(paint[1], nbytes=8)]) == ""
+    assert same_fits([paint[0], replace(paint[1], method="cole")]) == ""
+    assert f"% {same_fits(paint)}" in latex_of(paint).splitlines()
 
 
 def test_the_settings_that_decide_are_named() -> None:
