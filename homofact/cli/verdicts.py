@@ -43,7 +43,8 @@ def where_lines(verdict: "Verdict") -> list[str]:
 
 def incidence_lines(verdict: "Verdict") -> list[str]:
     """Return what the fit has of its samples' light, by angle of incidence, in a line; none where it is not known."""
-    parts = [f"{low:.0f}–{high:.0f}° {ratio:.0%}" for low, high, ratio in verdict.figures.light.by_incidence]
+    rows = verdict.figures.light.by_incidence
+    parts = [(f"{low:.0f}–{high:.0f}°" if high > low else f"{low:g}°") + f" {ratio:.0%}" for low, high, ratio in rows]
     return [f"Light of the fit over that of its samples, by θi: {', '.join(parts)}"] if parts else []
 
 

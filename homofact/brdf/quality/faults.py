@@ -4,36 +4,34 @@ Reciprocity is checked with the error of `brdf.symmetry`, computed from the refl
 
 Energy is checked with the albedo ∫ f cosθo dωo at a few angles of incidence. The integral runs over half vectors h: ωo
 is ωi mirrored at h and dωo = 4 (ωi·h) dωh. The steps of θh are finer towards the normal, so that narrow highlights are
-not missed. For an isotropic material that was lit from rings of θi with views all round, each direction ωo counts with
-the value of the nearest sample of the ring, if no single one decides: an interpolation between rings has highlights
-where nobody measured one.
+not missed. For a material that was lit from rings of θi with views all round, each direction ωo counts with the value
+of the nearest sample with the same light (`lit_rings`), if no single one decides: an interpolation between rings has
+highlights where nobody measured one.
 
 An isotropic material that is lit, or seen, along the normal looks the same from all azimuths: what samples there differ
 by is noise, a spot that was not the same, or anisotropy.
 """
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import torch
 from torch import Tensor
 
+from homofact.brdf.quality.lit_rings import LitRing, lit_rings
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
 from homofact.brdf.symmetry import (
-    angles_of_pairs,
     light_azimuths,
     reciprocity_of,
     reciprocity_of_samples,
     ring_numbers,
 )
 from homofact.geometry.directions import from_spherical, to_spherical
-from homofact.geometry.nearest import tree_of
 
 ALBEDO_DEGREES = (0.0, 15.0, 30.0, 45.0, 60.0, 75.0)
-_STEPS = 90  # of θo, and of the azimuth on one side
-_LEAST_ON_A_RING = 100
-_NEAR, _FAR_PART, _MOST_OF_ONE = math.radians(15.0), 0.1, 0.2
+_MOST_OF_ONE = 0.2  # of the light of a ring, that one sample may hold
 _ALONG, _LEAST_IN_A_GROUP = math.radians(0.5), 4  # nearer to the normal a direction has no azimuth; samples of a group
 
 
@@ -62,10 +60,10 @@ def evaluated_faults(samples: Samples, reflectance: Reflectance, own: bool) -> d
     reciprocity = reciprocity_of(reflectance) if own else reciprocity_of_samples(samples)
     angles, fineness = (ALBEDO_DEGREES, {}) if own else (_lit(samples), {"rings": 16, "spokes": 24})
     azimuths = light_azimuths(samples.isotropic)
-    ringed = not own and samples.isotropic and ring_numbers(samples.wi) is not None
+    rings = () if own or ring_numbers(samples.wi) is None else lit_rings(samples)
     largest = {}
     for angle in angles:
-        found = _ring_albedo(samples, angle) if ringed else None
+        found = _ring_albedo(samples, [ring for ring in rings if abs(ring.degrees - angle) <= 0.5])
         if found is None:
             found = max(float(albedo(reflectance, angle, a, **fineness).max()) for a in azimuths)
         largest[f"{angle:g}"] = found
@@ -96,30 +94,19 @@ def spread_along_the_normal(samples: Samples) -> float | None:
     return float(torch.tensor(spreads).median()) if spreads else None
 
 
-def _ring_albedo(samples: Samples, degrees: float) -> float | None:
-    """∫ f cosθo dωo of the largest channel, each direction with the nearest sample lit from within half a degree.
+def _ring_albedo(samples: Samples, rings: Sequence[LitRing]) -> float | None:
+    """∫ f cosθo dωo of the largest channel over rings of samples with one angle of incidence; None without any.
 
-    None for fewer than `_LEAST_ON_A_RING` samples, where more than `_FAR_PART` of it, of a white surface, has no sample
-    within `_NEAR`, and where one sample holds more than `_MOST_OF_ONE` of it: its cell would decide.
+    Of several azimuths of the light it is that of the largest. None also where one sample holds more than
+    `_MOST_OF_ONE` of it: its cell would decide.
     """
-    ring = (to_spherical(samples.wi)[0] * (180 / math.pi) - degrees).abs() <= 0.5
-    wi, wo = samples.wi[ring], samples.wo[ring]
-    if len(wi) < _LEAST_ON_A_RING:
-        return None
-    theta_o, turn = angles_of_pairs(wi, wo)[:, 1], angles_of_pairs(wi, wo)[:, 2]
-    steps = (torch.arange(_STEPS, dtype=torch.float64) + 0.5) / _STEPS
-    theta, phi = torch.meshgrid(steps * (math.pi / 2), steps * math.pi, indexing="ij")
-    places = from_spherical(theta_o, turn).cpu().numpy()
-    apart, nearest = tree_of(places).query(from_spherical(theta.ravel(), phi.ravel()).numpy())
-    # Both halves of the hemisphere, which mirror each other.
-    weight = (2 * torch.sin(theta) * torch.cos(theta) * (math.pi / 2 / _STEPS) * (math.pi / _STEPS)).ravel()
-    if float(weight[torch.from_numpy(apart) > _NEAR].sum()) > _FAR_PART * math.pi:
-        return None
-    solid = torch.zeros(len(wi), dtype=torch.float64).index_add_(0, torch.from_numpy(nearest), weight)
-    light = samples.values[ring] * solid[:, None]
-    if bool((light > _MOST_OF_ONE * light.sum(0)).any()):
-        return None
-    return float(light.sum(0).max())
+    largest = None
+    for ring in rings:
+        light = samples.values[ring.index] * ring.weights[:, None]
+        if bool((light > _MOST_OF_ONE * light.sum(0)).any()):
+            return None
+        largest = max(largest or 0.0, float(light.sum(0).max()))
+    return largest
 
 
 def _lit(samples: Samples) -> list[float]:

@@ -13,6 +13,7 @@ from torch import Tensor
 
 from homofact.brdf.pair_density import solid_angles
 from homofact.brdf.quality.extrapolation import Extrapolation
+from homofact.brdf.quality.lit_rings import lit_rings
 from homofact.brdf.quality.scatter import places_of
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
@@ -53,13 +54,25 @@ def misplaced(flux: Tensor, expected: Tensor, found: Tensor) -> float:
 
 
 def by_incidence(samples: Samples, flux: Tensor, found: Tensor) -> tuple[tuple[float, float, float], ...]:
-    """Return (from, to, light of the fit over that of the samples) by bands of θi in degrees, all channels together.
+    """Return (from, to, light of the fit over that of the samples) by θi in degrees, all channels together.
 
-    Of bands with `LEAST_IN_A_BAND` samples and some light.
+    At each angle of incidence where samples lie on rings that are dense enough (`brdf.quality.lit_rings`), over all
+    azimuths of the light; else by bands with `LEAST_IN_A_BAND` samples and some light.
     """
+    rows = []
+    rings = lit_rings(samples)
+    for degrees in sorted({round(ring.degrees, 1) for ring in rings}):
+        own = light = 0.0
+        for ring in rings:
+            if round(ring.degrees, 1) == degrees:
+                own += float(ring.weights @ samples.values[ring.index].mean(1))
+                light += float(ring.weights @ found[ring.index].mean(1).to(ring.weights))
+        if own > 0:
+            rows.append((degrees, degrees, light / own))
+    if rows:
+        return tuple(rows)
     degrees = torch.rad2deg(to_spherical(samples.wi)[0])
     own, fits = flux * samples.values.mean(1), flux * found.mean(1)
-    rows = []
     for low, high in zip(BANDS["θi"], BANDS["θi"][1:], strict=False):
         inside = (degrees >= low) & (degrees < high)
         light = float(own[inside].sum())

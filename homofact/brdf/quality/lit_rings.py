@@ -1,0 +1,72 @@
+"""Samples of a goniometer by the direction of their light, with the part of the hemisphere that each stands for.
+
+A sum over a ring is an integral over the viewer's directions: Σ f w = ∫ f cosθo dωo, each direction with the nearest
+sample of its ring. Samples that lie scattered, and rings with too few samples, have none.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from homofact.brdf.samples import Samples
+from homofact.brdf.symmetry import RING_WIDTH, angles_of_pairs
+from homofact.geometry.directions import from_spherical, to_spherical
+from homofact.geometry.nearest import tree_of
+
+_STEPS = 90  # of θo, and of the azimuth over half a turn
+_LEAST = 100  # samples of a ring
+_NEAR, _FAR_PART = math.radians(15.0), 0.1
+
+
+@dataclass(frozen=True)
+class LitRing:
+    """The samples with one direction of the light.
+
+    Attributes
+    ----------
+    degrees : angle of incidence.
+    index : (n,) int64, the samples' places.
+    weights : (n,) cosθo times the solid angle that is nearest to each, π in all.
+    """
+
+    degrees: float
+    index: Tensor
+    weights: Tensor
+
+
+def lit_rings(samples: Samples) -> tuple[LitRing, ...]:
+    """Return the rings by rising angle of incidence; of an anisotropic material one for each azimuth of the light.
+
+    Without those of fewer than `_LEAST` samples, and those where more than `_FAR_PART` of the light of a white surface
+    has no sample within `_NEAR`.
+    """
+    theta, phi = to_spherical(samples.wi)
+    keys = (theta / RING_WIDTH).round()[:, None]
+    if not samples.isotropic:
+        turn = (torch.remainder(phi, 2 * math.pi) / RING_WIDTH).round()
+        keys = torch.cat((keys, torch.where(keys[:, 0] > 0, turn, 0.0)[:, None]), 1)
+    _, ring, counts = torch.unique(keys, dim=0, return_inverse=True, return_counts=True)
+    rings = []
+    for number in (counts >= _LEAST).nonzero()[:, 0].tolist():
+        index = (ring == number).nonzero()[:, 0]
+        weights = _weights(samples.wi[index], samples.wo[index], samples.isotropic)
+        if weights is not None:
+            rings.append(LitRing(math.degrees(float(theta[index].mean())), index, weights))
+    return tuple(rings)
+
+
+def _weights(wi: Tensor, wo: Tensor, isotropic: bool) -> Tensor | None:
+    """As `LitRing.weights`; of an isotropic material both sides of the plane of incidence are alike."""
+    steps = (torch.arange(_STEPS, dtype=torch.float64) + 0.5) / _STEPS
+    spokes, turn = (steps, math.pi) if isotropic else (torch.cat((steps, steps + 1)) / 2, 2 * math.pi)
+    theta, phi = torch.meshgrid(steps * (math.pi / 2), spokes * turn, indexing="ij")
+    places = from_spherical(*angles_of_pairs(wi, wo)[:, 1:].unbind(1)) if isotropic else wo.double()
+    apart, nearest = tree_of(places.cpu().numpy()).query(from_spherical(theta.ravel(), phi.ravel()).numpy())
+    cell = (math.pi / 2 / _STEPS) * (math.pi / _STEPS) * (2 if isotropic else 1)
+    weight = (torch.sin(theta) * torch.cos(theta) * cell).ravel()
+    if float(weight[torch.from_numpy(np.asarray(apart)) > _NEAR].sum()) > _FAR_PART * math.pi:
+        return None
+    return torch.zeros(len(wi), dtype=torch.float64).index_add_(0, torch.from_numpy(np.asarray(nearest)), weight)
