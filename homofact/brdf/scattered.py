@@ -2,11 +2,18 @@
 
 Radial basis functions (thin plates, r² log r with a linear part) interpolate log(f/A + ε), A the mean of the
 samples per channel: for isotropic samples over (√θh, θd, φd), the root spreading the peak and φd folded to
-[0, π/2]; for anisotropic ones over the parabolic coordinates of both directions. Up to `GLOBAL_LIMIT` samples
-make one smooth surface, more are interpolated from the nearest `neighbours`. The result stays within the
-range of the samples' logs, so that nothing is invented outside the measured angles.
+[0, π/2]. Up to `GLOBAL_LIMIT` samples make one smooth surface, more are interpolated from the nearest `neighbours`.
+The result stays within the range of the samples' logs, so that nothing is invented outside the measured angles.
+
+Anisotropic samples are interpolated over the half vector, √θh (cos φh, sin φh), and the difference vector,
+θd/2 and .1 θd (cos 2ψ, sin 2ψ) with ψ the azimuth of ωi − ωo; angles in right angles. A highlight stays at its half
+vector where light and viewer are between those measured, and what little f depends on ψ counts little; twice the
+azimuth is the same for swapped directions. Of six materials on five layouts of samples, the misplaced light is 2.9%
+(geometric mean); over coordinates of both directions it is 12%
+(`scripts/accuracy/interpolated_samples.py`).
 """
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar
@@ -20,12 +27,15 @@ from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.reflectance import Reflectance, innermost
 from homofact.brdf.samples import Samples
 from homofact.errors import BadInput
-from homofact.geometry.coordinates import coordinate_system
+from homofact.geometry.coordinates import coordinate_system, rusinkiewicz_angles
+from homofact.geometry.directions import to_spherical
 
 if TYPE_CHECKING:
     from scipy.interpolate import RBFInterpolator
 
 GLOBAL_LIMIT = 2000
+# Of the difference vector's angle, and of its azimuth, where anisotropic samples are interpolated.
+_DIFFERENCE, _TURN = 0.5, 0.1
 
 
 @dataclass(frozen=True)
@@ -93,7 +103,7 @@ class Scattered:
 
     @property
     def _dimension(self) -> int:
-        return 3 if self.samples.isotropic else 4
+        return 3 if self.samples.isotropic else 5
 
     @property
     def _whole(self) -> bool:
@@ -101,7 +111,7 @@ class Scattered:
 
     def _place(self, wi: Tensor, wo: Tensor) -> np.ndarray:
         if not self.samples.isotropic:
-            return coordinate_system("in-out").evaluate(wi, wo).cpu().numpy()
+            return _half_and_difference(wi, wo).cpu().numpy()
         x = coordinate_system("isotropic-half-diff").evaluate(wi, wo).cpu().numpy()
         # The boxes' [−1, 1] back to [0, 1], and the root of θh.
         unit = (x + 1) / 2
@@ -156,3 +166,19 @@ def interpolated_samples(reflectance: Reflectance) -> Samples | None:
     """The samples that it interpolates, looking through luminance and single channels; None where it does not."""
     inner = innermost(reflectance)
     return inner.samples if isinstance(inner, Scattered) else None
+
+
+def _half_and_difference(wi: Tensor, wo: Tensor) -> Tensor:
+    """Places (N, 5) of anisotropic samples, as in the module's head."""
+    theta_h, theta_d, _ = rusinkiewicz_angles(wi, wo)
+    _, phi_h = to_spherical(wi + wo)
+    apart = wi - wo
+    turn = 2 * torch.atan2(apart[:, 1], apart[:, 0])
+    root, wide = (theta_h / (math.pi / 2)).sqrt(), theta_d / (math.pi / 2)
+    return torch.stack(
+        (
+            root * torch.cos(phi_h), root * torch.sin(phi_h), _DIFFERENCE * wide, _TURN * wide * torch.cos(turn),
+            _TURN * wide * torch.sin(turn),
+        ),
+        1,
+    )  # fmt: skip

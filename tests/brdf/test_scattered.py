@@ -95,7 +95,7 @@ def test_states_its_cost() -> None:
     assert Scattered(few).fetches == 300
     assert Scattered(many, neighbours=20).fetches == 20
     assert Scattered(few).nbytes == 300 * (3 + 3) * 8
-    assert Scattered(sample_model(BRUSHED, 300)).nbytes == 300 * (4 + 3) * 8
+    assert Scattered(sample_model(BRUSHED, 300)).nbytes == 300 * (5 + 3) * 8
 
 
 @pytest.mark.parametrize(

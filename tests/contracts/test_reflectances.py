@@ -139,7 +139,7 @@ MEMBERS: dict[str, Member] = {
     "adaptive table, anisotropic": Member(lambda _: adaptive(-180, -90, 0, 90, 180), False, False),
     "scattered": Member(lambda _: scattered("lafortune-blue-paint", 300)),
     "scattered, by neighbours": Member(lambda _: scattered("lafortune-blue-paint", GLOBAL_LIMIT + 100)),
-    "scattered, anisotropic": Member(lambda _: scattered("ward-brushed", 300), False, False),
+    "scattered, anisotropic": Member(lambda _: scattered("ward-brushed", 300), False),
     "local planes": Member(lambda _: LocalPlanes(sample_model(material("ward-brushed").model, 300)), False),
     "local planes, not reciprocal": Member(
         lambda _: LocalPlanes(sample_model(material("ward-brushed").model, 300), False), False, False

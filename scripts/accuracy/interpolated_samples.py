@@ -1,0 +1,128 @@
+"""Measure how well scattered anisotropic samples are interpolated, over several coordinates.
+
+    python scripts/accuracy/interpolated_samples.py                  # all of it: some four minutes
+    python scripts/accuracy/interpolated_samples.py --materials steel --layouts rings
+
+Materials of which all values are known are "measured" without noise. Each row is an interpolation, judged at other
+directions: the RMS of the logarithms, the misplaced light Σ|found − true| f cosθo over Σ true, and the total light
+over the true one at three angles of incidence. Last come the geometric means of the first two over all rows.
+"""
+
+import argparse
+import math
+from collections.abc import Callable
+from statistics import geometric_mean
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from homofact.brdf import scattered
+from homofact.brdf.analytic import Ward
+from homofact.brdf.materials import material
+from homofact.brdf.reflectance import Reflectance
+from homofact.brdf.samples import Samples
+from homofact.geometry.coordinates import coordinate_system
+from homofact.geometry.directions import draw_in_discs, from_spherical
+
+_STEEL = Ward((0.03, 0.03, 0.025), (0.55, 0.53, 0.48), 0.09, 0.22)
+_SATIN = Ward((0.2, 0.1, 0.1), (0.1, 0.1, 0.1), 0.3, 0.6)
+NAMED = ("ward-brushed", "ashikhmin-shirley-wang", "phong-30", "lafortune-clay")
+MATERIALS = (*NAMED, "steel", "satin")
+_TRUE_ANGLES = (12, 42, 57)
+_DIRECTIONS = "both directions"
+
+
+def rings(model: Reflectance, lights: tuple[int, ...], turns: tuple[int, ...], steps: tuple[int, int]) -> Samples:
+    """Return samples of a goniometer: θi, φi, and the steps of θo up to 80° and of φo, in degrees."""
+    grid = torch.meshgrid(
+        *(torch.tensor(each, dtype=torch.float64) for each in (lights, turns)),
+        torch.arange(0, 81, steps[0], dtype=torch.float64),
+        torch.arange(0, 360, steps[1], dtype=torch.float64),
+        indexing="ij",
+    )
+    theta_i, phi_i, theta_o, phi_o = (torch.deg2rad(each.reshape(-1)) for each in grid)
+    return _measured(model, from_spherical(theta_i, phi_i), from_spherical(theta_o, phi_o))
+
+
+def drawn(model: Reflectance, count: int) -> Samples:
+    """Return samples at random directions."""
+    return _measured(model, *draw_in_discs(count, torch.Generator().manual_seed(1), 0.95))
+
+
+LAYOUTS: dict[str, Callable[[Reflectance], Samples]] = {
+    "rings": lambda model: rings(model, (5, 20, 35, 50, 65), (0, 30, 60, 90), (5, 10)),
+    "coarse rings": lambda model: rings(model, (10, 30, 50, 70), (0, 45, 90), (10, 20)),
+    "one azimuth": lambda model: rings(model, (5, 20, 35, 50, 65), (0,), (5, 10)),
+    "5,000 random": lambda model: drawn(model, 5000),
+    "1,500 random": lambda model: drawn(model, 1500),
+}
+
+
+def model_of(name: str) -> Reflectance:
+    """Return the reflectance of one of `MATERIALS`."""
+    return {"steel": _STEEL, "satin": _SATIN}.get(name) or material(name).model
+
+
+class _OverDirections(scattered.Scattered):
+    """An interpolation over the parabolic coordinates of both directions."""
+
+    def _place(self, wi: Tensor, wo: Tensor) -> np.ndarray:
+        return coordinate_system("in-out").evaluate(wi, wo).numpy()
+
+
+def interpolated(samples: Samples, coordinates: str) -> Reflectance:
+    """Return the interpolation of samples over coordinates of `--coordinates`."""
+    if coordinates == _DIRECTIONS:
+        return _OverDirections(samples)
+    scattered._DIFFERENCE, scattered._TURN = map(float, coordinates.split(","))
+    return scattered.Scattered(samples)
+
+
+def main() -> None:
+    """Print a line per interpolation and the geometric means."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--materials", nargs="+", default=MATERIALS, choices=MATERIALS)
+    parser.add_argument("--layouts", nargs="+", default=tuple(LAYOUTS), choices=tuple(LAYOUTS))
+    parser.add_argument(
+        "--coordinates", nargs="+", default=(_DIRECTIONS, "0.5,0.25", "0.5,0.1", "1,0.1"),
+        help="weights of the difference vector's angle and of its azimuth",
+    )  # fmt: skip
+    asked = parser.parse_args()
+    found: dict[str, list[tuple[float, float]]] = {}
+    print(f"{'material':22} {'samples':13} {'coordinates':16} {'log RMS':>8} {'misplaced':>9}  light at 12, 42, 57°")
+    for name in asked.materials:
+        model = model_of(name)
+        for layout in asked.layouts:
+            samples = LAYOUTS[layout](model)
+            tests = rings(model, _TRUE_ANGLES, (0,) if layout == "one azimuth" else (15, 75), (4, 9))
+            for coordinates in asked.coordinates:
+                log_rms, misplaced, light = _judged(interpolated(samples, coordinates), samples, tests)
+                found.setdefault(coordinates, []).append((log_rms, misplaced))
+                ratios = ", ".join(f"{ratio:.2f}" for ratio in light)
+                print(f"{name:22} {layout:13} {coordinates:16} {log_rms:8.3f} {misplaced:9.3f}  {ratios}", flush=True)
+    for coordinates, rows in found.items():
+        means = [geometric_mean(each) for each in zip(*rows, strict=True)]
+        print(f"{coordinates:16} geometric means: log RMS {means[0]:.3f}, misplaced light {means[1]:.1%}")
+
+
+def _measured(model: Reflectance, wi: Tensor, wo: Tensor) -> Samples:
+    return Samples(wi, wo, model.evaluate(wi, wo).double(), isotropic=False)
+
+
+def _judged(reflectance: Reflectance, samples: Samples, tests: Samples) -> tuple[float, float, list[float]]:
+    values, true = reflectance.evaluate(tests.wi, tests.wo), tests.values
+    epsilon = 1e-2 * samples.values.mean(0)
+    apart = torch.log(values + epsilon) - torch.log(true + epsilon)
+    weight = (tests.wo[:, 2] * torch.hypot(tests.wo[:, 0], tests.wo[:, 1]))[:, None]
+    misplaced = float((weight * (values - true).abs()).sum() / (weight * true).sum())
+    degrees = torch.rad2deg(torch.acos(tests.wi[:, 2])).round()
+    light = []
+    for angle in _TRUE_ANGLES:
+        inside = degrees == angle
+        light.append(float((weight * values)[inside].sum() / (weight * true)[inside].sum()))
+    return math.sqrt(float(apart.square().mean())), misplaced, light
+
+
+if __name__ == "__main__":
+    main()
