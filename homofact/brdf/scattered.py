@@ -1,19 +1,15 @@
 """A reflectance made of scattered samples, so that a measurement can be drawn and compared like a model.
 
 Radial basis functions (thin plates, r² log r with a linear part) interpolate log(f/A + ε), A the mean of the
-samples per channel: for isotropic samples over (√θh, θd, φd), the root spreading the peak and φd folded to
-[0, π/2]. Up to `GLOBAL_LIMIT` samples make one smooth surface, more are interpolated from the nearest `neighbours`.
-The result stays within the range of the samples' logs, so that nothing is invented outside the measured angles.
+samples per channel, over the places of `brdf.places`. Up to `GLOBAL_LIMIT` samples make one smooth surface, more are
+interpolated from the nearest `neighbours`. The result stays within the range of the samples' logs, so that nothing is
+invented outside the measured angles.
 
-Anisotropic samples are interpolated over the half vector, √θh (cos φh, sin φh), and the difference vector,
-θd/2 and .1 θd (cos 2ψ, sin 2ψ) with ψ the azimuth of ωi − ωo; angles in right angles. A highlight stays at its half
-vector where light and viewer are between those measured, and what little f depends on ψ counts little; twice the
-azimuth is the same for swapped directions. Of six materials on five layouts of samples, the misplaced light is 2.9%
-(geometric mean); over coordinates of both directions it is 12%
+Of six anisotropic materials on five layouts of samples, the misplaced light is 2.9% (geometric mean); over the
+coordinates of both directions, which lose highlights between lights, it is 12%
 (`scripts/accuracy/interpolated_samples.py`).
 """
 
-import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar
@@ -24,18 +20,15 @@ from torch import Tensor
 
 from homofact.brdf.in_kind import answering_in_kind
 from homofact.brdf.log_transform import LogTransform
+from homofact.brdf.places import half_places
 from homofact.brdf.reflectance import Reflectance, innermost
 from homofact.brdf.samples import Samples
 from homofact.errors import BadInput
-from homofact.geometry.coordinates import coordinate_system, rusinkiewicz_angles
-from homofact.geometry.directions import to_spherical
 
 if TYPE_CHECKING:
     from scipy.interpolate import RBFInterpolator
 
 GLOBAL_LIMIT = 2000
-# Of the difference vector's angle, and of its azimuth, where anisotropic samples are interpolated.
-_DIFFERENCE, _TURN = 0.5, 0.1
 
 
 @dataclass(frozen=True)
@@ -110,13 +103,7 @@ class Scattered:
         return len(self.samples) <= GLOBAL_LIMIT
 
     def _place(self, wi: Tensor, wo: Tensor) -> np.ndarray:
-        if not self.samples.isotropic:
-            return _half_and_difference(wi, wo).cpu().numpy()
-        x = coordinate_system("isotropic-half-diff").evaluate(wi, wo).cpu().numpy()
-        # The boxes' [−1, 1] back to [0, 1], and the root of θh.
-        unit = (x + 1) / 2
-        unit[:, 0] = np.sqrt(unit[:, 0].clip(0))
-        return unit
+        return half_places(wi, wo, self.samples.isotropic).cpu().numpy()
 
     @cached_property
     def _transform(self) -> LogTransform:
@@ -166,19 +153,3 @@ def interpolated_samples(reflectance: Reflectance) -> Samples | None:
     """The samples that it interpolates, looking through luminance and single channels; None where it does not."""
     inner = innermost(reflectance)
     return inner.samples if isinstance(inner, Scattered) else None
-
-
-def _half_and_difference(wi: Tensor, wo: Tensor) -> Tensor:
-    """Places (N, 5) of anisotropic samples, as in the module's head."""
-    theta_h, theta_d, _ = rusinkiewicz_angles(wi, wo)
-    _, phi_h = to_spherical(wi + wo)
-    apart = wi - wo
-    turn = 2 * torch.atan2(apart[:, 1], apart[:, 0])
-    root, wide = (theta_h / (math.pi / 2)).sqrt(), theta_d / (math.pi / 2)
-    return torch.stack(
-        (
-            root * torch.cos(phi_h), root * torch.sin(phi_h), _DIFFERENCE * wide, _TURN * wide * torch.cos(turn),
-            _TURN * wide * torch.sin(turn),
-        ),
-        1,
-    )  # fmt: skip

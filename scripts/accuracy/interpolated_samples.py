@@ -17,11 +17,12 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from homofact.brdf import scattered
+from homofact.brdf import places
 from homofact.brdf.analytic import Ward
 from homofact.brdf.materials import material
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
+from homofact.brdf.scattered import Scattered
 from homofact.geometry.coordinates import coordinate_system
 from homofact.geometry.directions import draw_in_discs, from_spherical
 
@@ -64,7 +65,7 @@ def model_of(name: str) -> Reflectance:
     return {"steel": _STEEL, "satin": _SATIN}.get(name) or material(name).model
 
 
-class _OverDirections(scattered.Scattered):
+class _OverDirections(Scattered):
     """An interpolation over the parabolic coordinates of both directions."""
 
     def _place(self, wi: Tensor, wo: Tensor) -> np.ndarray:
@@ -75,8 +76,8 @@ def interpolated(samples: Samples, coordinates: str) -> Reflectance:
     """Return the interpolation of samples over coordinates of `--coordinates`."""
     if coordinates == _DIRECTIONS:
         return _OverDirections(samples)
-    scattered._DIFFERENCE, scattered._TURN = map(float, coordinates.split(","))
-    return scattered.Scattered(samples)
+    places._DIFFERENCE, places._TURN = map(float, coordinates.split(","))
+    return Scattered(samples)
 
 
 def main() -> None:

@@ -14,9 +14,11 @@ The measured range is the range of the smaller and of the larger of θi and θo 
 extends through the normal and through the plane of incidence if samples lie within `_GAP` of them, since symmetry gives
 the values on the other side.
 
-Distances of isotropic samples are measured in (√θh, θd, φd), each scaled to 0 to 1. φd is folded to a quarter turn and
-weighted by √θh sinθd, since it is undefined where either factor is 0. Other distances are measured in the parabolic
-discs of both directions. `NEIGHBOURS` always counts neighbours in the discs, also near a mirror direction.
+Distances are those of `brdf.places`; of isotropic samples, φd is weighted by √θh sinθd, since it is undefined where
+either factor is 0. `NEIGHBOURS` counts neighbours in the parabolic discs of both directions, also near a mirror
+direction, and of anisotropic samples as many in `brdf.places` too: between two azimuths of the light no neighbour in
+the discs has the highlight. (With those in the discs alone, the highlight of a brushed steel lost 60% at the largest
+angle of incidence.)
 """
 
 import math
@@ -30,6 +32,7 @@ import torch
 from torch import Tensor
 
 from homofact.brdf.pair_density import draw_lobe, scheme_of
+from homofact.brdf.places import half_places
 from homofact.brdf.samples import Samples
 from homofact.brdf.symmetry import angles_of_pairs
 from homofact.geometry.coordinates import coordinate_system
@@ -115,8 +118,13 @@ class Extrapolation:
         outside = self._outside(pairs)
         if bool(outside.any()):
             count = min(NEIGHBOURS, len(values))
-            _, nearest = self._discs.query(_on_discs(pairs.select(outside)), k=count)
+            chosen = pairs.select(outside)
+            _, nearest = self._discs.query(_on_discs(chosen), k=count)
             near = values[torch.from_numpy(np.reshape(nearest, (-1, count))).to(values.device)].amax(1)
+            if not chosen.isotropic and self._known is not None:
+                _, nearest = self._known.query(_place(chosen), k=count)
+                about = values[torch.from_numpy(np.reshape(nearest, (-1, count))).to(values.device)].amax(1)
+                near = torch.maximum(near, about)
             # Noise has zeros, of which no logarithm can be asked.
             bound[outside] = torch.maximum(near, _LEAST_BOUND * values.mean(0))
         return bound
@@ -182,10 +190,8 @@ def _on_discs(samples: Samples) -> np.ndarray:
 
 
 def _place(samples: Samples) -> np.ndarray:
-    if not samples.isotropic:
-        return coordinate_system("in-out").evaluate(samples.wi, samples.wo).cpu().numpy()
-    place = (coordinate_system("isotropic-half-diff").evaluate(samples.wi, samples.wo).cpu().numpy() + 1) / 2
-    place[:, 0] = np.sqrt(place[:, 0].clip(0))
-    # An angle that means nothing at θh = 0 and at θd = 0 keeps nothing apart there.
-    place[:, 2] *= place[:, 0].clip(0, 1) * np.sin(place[:, 1] * (math.pi / 2))
+    place = half_places(samples.wi, samples.wo, samples.isotropic).cpu().numpy()
+    if samples.isotropic:
+        # An angle that means nothing at θh = 0 and at θd = 0 keeps nothing apart there.
+        place[:, 2] *= place[:, 0].clip(0, 1) * np.sin(place[:, 1] * (math.pi / 2))
     return place

@@ -1,0 +1,40 @@
+"""Where pairs of directions lie, so that pairs which a material reflects alike are neighbours.
+
+Highlights follow the half vector h, not the two directions, so distances are measured about it. Angles are in right
+angles, and the root of θh spreads the peak:
+
+* isotropic pairs at (√θh, θd, φd), φd folded to [0, 1];
+* anisotropic ones at √θh (cos φh, sin φh), θd/2 and θd/10 (cos 2ψ, sin 2ψ), ψ the azimuth of ωi − ωo, of which f
+  depends little. Twice the azimuth is the same for swapped directions.
+"""
+
+import math
+
+import torch
+from torch import Tensor
+
+from homofact.geometry.coordinates import coordinate_system, rusinkiewicz_angles
+from homofact.geometry.directions import to_spherical
+
+_DIFFERENCE, _TURN = 0.5, 0.1  # weights of θd, and of its azimuth (scripts/accuracy/interpolated_samples.py)
+
+
+def half_places(wi: Tensor, wo: Tensor, isotropic: bool) -> Tensor:
+    """Return the places of pairs (N, 3) of an isotropic material, (N, 3), or of an anisotropic one, (N, 5).
+
+    Examples
+    --------
+    >>> one, two = torch.tensor([[0.6, 0.0, 0.8]]), torch.tensor([[0.0, 0.6, 0.8]])
+    >>> half_places(one, two, False).allclose(half_places(two, one, False))
+    True
+    """
+    if isotropic:
+        unit = (coordinate_system("isotropic-half-diff").evaluate(wi, wo) + 1) / 2
+        return torch.cat((unit[:, :1].clamp_min(0).sqrt(), unit[:, 1:]), 1)
+    theta_h, theta_d, _ = rusinkiewicz_angles(wi, wo)
+    _, phi_h = to_spherical(wi + wo)
+    apart = wi - wo
+    turn = 2 * torch.atan2(apart[:, 1], apart[:, 0])
+    root, wide = (theta_h / (math.pi / 2)).sqrt(), theta_d / (math.pi / 2)
+    across, along = _TURN * wide * torch.cos(turn), _TURN * wide * torch.sin(turn)
+    return torch.stack((root * torch.cos(phi_h), root * torch.sin(phi_h), _DIFFERENCE * wide, across, along), 1)
