@@ -6,8 +6,7 @@ them, so that the surface has no steps. A slight ridge holds the plane, since ne
 result stays within the values of the neighbours.
 
 Isotropic samples stand at (√θh cos 2φd, √θh sin 2φd, θd), scaled to 1: the root spreads the highlight, φd is folded to
-[0, π/2], and all of it meets at θh = 0, where φd is undefined. Anisotropic ones stand at the parabolic coordinates of
-both directions.
+[0, π/2], and all of it meets at θh = 0, where φd is undefined. Anisotropic ones stand at their `brdf.places`.
 
 Three further readings of the same samples tell how sure the first one is: by each half of the samples, and by `MORE` of
 them. A pair is beyond the samples where the nearest one is farther off than samples are from each other.
@@ -21,8 +20,9 @@ import torch
 from torch import Tensor
 
 from homofact.brdf.log_transform import LogTransform
+from homofact.brdf.places import half_places
 from homofact.brdf.samples import Samples
-from homofact.geometry.coordinates import coordinate_system, rusinkiewicz_angles
+from homofact.geometry.coordinates import rusinkiewicz_angles
 from homofact.geometry.nearest import tree_of
 from homofact.linear.kernels import kernel
 
@@ -139,9 +139,9 @@ def _planes(place, points, logs, distance, near, kept, number, ridge):
 
 
 def _places(wi: Tensor, wo: Tensor, isotropic: bool) -> np.ndarray:
-    """Where pairs of directions stand among the samples, (N, 3) or (N, 4), as the module's head says."""
+    """Where pairs of directions stand among the samples, (N, 3) or (N, 5), as the module's head says."""
     if not isotropic:
-        return coordinate_system("in-out").evaluate(wi, wo).cpu().numpy()
+        return half_places(wi, wo, False).cpu().numpy()
     theta_h, theta_d, phi_d = rusinkiewicz_angles(wi, wo)
     root = (theta_h / (math.pi / 2)).sqrt()
     scaled = theta_d / (math.pi / 2)

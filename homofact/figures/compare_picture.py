@@ -28,6 +28,7 @@ from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.scattered import interpolated_samples
 from homofact.errors import BadInput
 from homofact.evaluation.bar.error_bar import ErrorBars
+from homofact.evaluation.wording import brief_figure
 from homofact.figures.albedo_band import albedo_band
 from homofact.figures.measured_range import beyond_the_measurement
 from homofact.figures.page import LINE, PicturePage
@@ -130,7 +131,7 @@ def compare_picture(
             page.text(ends_at[0], left, under, size)
             right = left + size - math.ceil(page.extent(ends_at[1]))
             below = page.text(ends_at[1], right, under, size)
-            below = page.text(f"{HELD:.0%} within ±{reach * 100:.2g}%", left, below, panel)
+            below = page.text(f"{HELD:.0%} within ±{brief_figure(100 * reach)}%", left, below, panel)
     samples = interpolated_samples(source[1])
     notes = [] if samples is None else [f"Interpolated from {len(samples):,} samples"]
     captions = [

@@ -19,12 +19,12 @@ import torch
 from torch import Tensor
 
 from homofact.brdf.log_transform import LogTransform
+from homofact.brdf.places import half_places
 from homofact.brdf.quality.extrapolation import Extrapolation
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
 from homofact.evaluation.energy import ALBEDO_DEGREES, HIGHLIGHT
 from homofact.evaluation.verdict.flux import flux_of
-from homofact.geometry.coordinates import coordinate_system
 from homofact.geometry.directions import from_spherical
 from homofact.geometry.nearest import tree_of
 from homofact.geometry.quadrature import hemisphere_nodes
@@ -121,13 +121,11 @@ def reading_of(fit: Reflectance, samples: Samples, extrapolation: Extrapolation,
 
 
 def place_of(wi: Tensor, wo: Tensor, isotropic: bool) -> np.ndarray:
-    """Where pairs of directions (N, 3) are to be neighbours: (√θh, θd, φd), of anisotropic materials in both discs."""
-    if not isotropic:
-        return coordinate_system("in-out").evaluate(wi, wo).cpu().numpy()
-    place = (coordinate_system("isotropic-half-diff").evaluate(wi, wo).cpu().numpy() + 1) / 2
-    place[:, 0] = np.sqrt(place[:, 0].clip(0))
-    # An azimuth that means nothing at θh = 0 and at θd = 0 keeps nothing apart there.
-    place[:, 2] *= place[:, 0].clip(0, 1) * np.sin(place[:, 1] * (math.pi / 2))
+    """Where pairs of directions (N, 3) are to be neighbours, as `brdf.places` has them."""
+    place = half_places(wi, wo, isotropic).cpu().numpy()
+    if isotropic:
+        # An azimuth that means nothing at θh = 0 and at θd = 0 keeps nothing apart there.
+        place[:, 2] *= place[:, 0].clip(0, 1) * np.sin(place[:, 1] * (math.pi / 2))
     return place
 
 
