@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -29,10 +29,12 @@ class FitsComparison:
     fits : dict of Fit
         The fits by label: the names of their folders.
     records : dict
-        By label: bytes, fetches, shapes of the textures, errors and appearance, and the verdict that the fit was saved
-        with.
+        By label: bytes, fetches, shapes of the textures, errors, metrics and appearance, and the verdict that the fit
+        was saved with.
     plot : Path or None
         The picture; None without one.
+    conditions : list of str
+        Under which conditions the metrics hold, in sentences.
     """
 
     source: str
@@ -40,6 +42,7 @@ class FitsComparison:
     fits: dict[str, Fit]
     records: dict[str, dict[str, Any]]
     plot: Path | None
+    conditions: list[str] = field(default_factory=list)
 
     def record(self) -> dict[str, Any]:
         """Return the JSON form."""
@@ -49,7 +52,11 @@ class FitsComparison:
 
 
 def compare_fits(
-    fits: Sequence[Place], *, plot: Place | None = None, progress: Progress | None = None
+    fits: Sequence[Place],
+    *,
+    metrics: Sequence[str] = ("six",),
+    plot: Place | None = None,
+    progress: Progress | None = None,
 ) -> FitsComparison:
     """Measure saved fits of one source on the same samples, beside each other.
 
@@ -57,6 +64,8 @@ def compare_fits(
     ----------
     fits : sequence of paths
         Two or more results' folders or exports.
+    metrics : sequence of str, optional
+        "six", "all", or names of metrics, measured on the same samples.
     plot : path, optional
         A PNG with the source, each fit and its differences under three lights.
     progress : callable, optional
@@ -70,7 +79,8 @@ def compare_fits(
     Raises
     ------
     BadInput
-        For fewer than two fits, fits that cannot be read, or are of different sources or of one that is gone.
+        For fewer than two fits, an unknown metric, fits that cannot be read, or are of different sources or of one that
+        is gone.
 
     Examples
     --------
@@ -92,9 +102,11 @@ def compare_fits(
     from homofact.api.factorizing import draw_fits
     from homofact.api.loading import load
     from homofact.evaluation.appearance import appearance
+    from homofact.evaluation.judging import FitEvaluator, chosen_metrics
     from homofact.evaluation.metrics import measure
     from homofact.evaluation.reopening import reopen
 
+    names = chosen_metrics(metrics)
     steps = ProgressSteps(progress)
     steps.stage("reading")
     opened = {label: load(place) for label, place in zip(given, fits, strict=True)}
@@ -108,6 +120,8 @@ def compare_fits(
     parts = {"source": first.source.samples.rotated_at_random(first.split.seed)}
     if all(one.split == first.split and one.held_out for one in found.values()):
         parts = first.parts
+    split = first.split if "held_out" in parts else replace(first.split, held_out=0.0)
+    judge = FitEvaluator(first.source, names)
     records = {}
     for label, one in opened.items():
         steps.stage(f"measuring {label}")
@@ -119,6 +133,7 @@ def compare_fits(
             "shapes": [list(texture.size) for texture in fitted.textures],
             "epsilon": fitted.transform.epsilon,
             "error": {part: measure(fitted, each, fitted.transform).record() for part, each in parts.items()},
+            "metrics": judge.measure(fitted, split),
             "appearance": None if seen is None else seen.record(),
             "verdict": given[label].verdict,
         }
@@ -127,7 +142,7 @@ def compare_fits(
         picture.parent.mkdir(parents=True, exist_ok=True)
         draw_fits(picture, first.source, opened, records)
     part = "held_out" if "held_out" in parts else "source"
-    return FitsComparison(first.source.name, part, opened, records, picture)
+    return FitsComparison(first.source.name, part, opened, records, picture, judge.conditions())
 
 
 def _labels(places: Sequence[Place]) -> list[str]:

@@ -6,6 +6,7 @@ the formats of lighting and optics: .xml (WINDOW and Radiance), .brdf and .aniso
 .bsdf, which needs `form` because RGL's files have the same ending.
 """
 
+import math
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -38,6 +39,7 @@ ENDINGS = tuple(FORMATS)
 _SAMPLES = (".csv", ".npz", ".dat")
 # Pairs at which a written table is compared with its source.
 _PAIRS = 5000
+_FAR_OFF = 0.1  # of the samples' light: from here on a fit is advised instead of an interpolation
 
 
 @dataclass(frozen=True)
@@ -150,7 +152,7 @@ def convert(
     steps.stage("writing")
     target.parent.mkdir(parents=True, exist_ok=True)
     facts: dict[str, Any] = {}
-    replace_file(target, lambda made: facts.update(_write(made, subject, kind)), new=not force)
+    replace_file(target, lambda made: facts.update(_write(made, subject, kind, steps)), new=not force)
     if names:
         lost = read - len(subject.samples)
         facts["undone"] = list(names)
@@ -199,7 +201,7 @@ def _opened(source: Any, settings: SourceSettings, seed: int) -> "Source":
     return as_source(fitted, "fit", settings.count, settings.scheme, seed)
 
 
-def _write(target: Path, subject: "Source", kind: str) -> dict[str, Any]:
+def _write(target: Path, subject: "Source", kind: str, steps: ProgressSteps) -> dict[str, Any]:
     """Write the source in a format of `FORMATS`; what was written, and what got lost."""
     from homofact.brdf.formats import alta, csv, merl
     from homofact.brdf.source import NOISE_FREE_EPSILON
@@ -219,7 +221,7 @@ def _write(target: Path, subject: "Source", kind: str) -> dict[str, Any]:
     elif kind == "rgl":
         facts |= _write_adaptive(target, subject, comments)
     elif kind in ("klems", "tree", "zemax", "speos"):
-        facts |= _write_lighting(target, subject, kind, comments)
+        facts |= _write_lighting(target, subject, kind, comments, steps)
     elif kind == "csv":
         csv.write(target, samples, comments)
         facts["format"] = "csv"
@@ -251,8 +253,7 @@ def _write_adaptive(target: Path, subject: "Source", comments: tuple[str, ...]) 
     else:
         table = tabulated(reflectance, subject.samples.isotropic)
         rgl.write(target, table, comments)
-        if subject.kind == "measurement":
-            notes.append("between and beyond the samples values are interpolated")
+        notes += _interpolated(subject)
     facts = {"format": "rgl", "channels": list(table.channels), "samples": table.table[..., 0].numel(), "notes": notes}
     if table is not reflectance:
         middle, most = relative_differences(reflectance, table, _PAIRS)
@@ -261,7 +262,24 @@ def _write_adaptive(target: Path, subject: "Source", comments: tuple[str, ...]) 
     return facts
 
 
-def _write_lighting(target: Path, subject: "Source", kind: str, comments: tuple[str, ...]) -> dict[str, Any]:
+def _interpolated(subject: "Source") -> list[str]:
+    """What to know of values between samples, with the light that they have at the angles that were measured."""
+    from homofact.brdf.quality.faults import light_over_rings
+
+    if subject.kind != "measurement":
+        return []
+    said = "between and beyond the samples values are interpolated"
+    rows = light_over_rings(subject.samples, subject.reflectance)
+    if not rows:
+        return [said]
+    off = max(rows, key=lambda row: abs(math.log(max(row[1], 1e-9))))
+    said += f"; at {off[0]:g}° incidence they have {off[1]:.0%} of the light of the samples, elsewhere they are nearer"
+    return [f"{said}. To be nearer, convert a fit of the samples" if abs(off[1] - 1) > _FAR_OFF else said]
+
+
+def _write_lighting(
+    target: Path, subject: "Source", kind: str, comments: tuple[str, ...], steps: ProgressSteps
+) -> dict[str, Any]:
     """Write a format of lighting or optics; what it holds, what got lost, and how far off the source it is."""
     from homofact.brdf.adaptive import relative_differences
     from homofact.brdf.formats import open_file, speos_writer, window_writer, zemax
@@ -270,11 +288,11 @@ def _write_lighting(target: Path, subject: "Source", kind: str, comments: tuple[
     reflectance, isotropic, channels = subject.reflectance, subject.samples.isotropic, subject.samples.channels
     notes = []
     if kind == "klems":
-        found = window_writer.write_klems(target, reflectance, isotropic, subject.name, comments)
+        found = window_writer.write_klems(target, reflectance, isotropic, subject.name, comments, steps.part)
         count = int(found["values"])
         notes.append(f"means over 145 x 145 bands, known to {found['error']:.2%} at the 99th percentile")
     elif kind == "tree":
-        found = window_writer.write_tree(target, reflectance, isotropic, subject.name, comments)
+        found = window_writer.write_tree(target, reflectance, isotropic, subject.name, comments, steps.part)
         count = int(found["values"])
         notes.append(f"a tree of {count} values, means over its leaves")
     elif kind == "zemax":
@@ -287,8 +305,7 @@ def _write_lighting(target: Path, subject: "Source", kind: str, comments: tuple[
             notes.append("one spectrum for all directions: colours that change with direction are lost")
     if kind in ("klems", "tree"):
         notes.append("the same reflection on both sides, no transmission")
-    if subject.kind == "measurement":
-        notes.append("between and beyond the samples values are interpolated")
+    notes += _interpolated(subject)
     facts: dict[str, Any] = {"format": kind, "samples": count, "notes": notes}
     written = open_file(f"{target}#back" if kind == "tree" else target).reflectance if kind != "klems" else None
     if written is not None:

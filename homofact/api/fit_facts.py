@@ -1,15 +1,21 @@
 """What a saved fit is and how far it may be off: a result's folder, an export's, or a file that `Fit.save` wrote."""
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from homofact.api.loading import load
 from homofact.api.subjects import GivenFit
 from homofact.brdf.source_names import DISMISSED
 from homofact.errors import BadInput
+from homofact.evaluation.wording import light_by_incidence
 from homofact.factor.edited import edits_in_words
 from homofact.factor.fixed_projections import EDITS
 from homofact.files.kinds import EXPORT, FACTORIZATION
+
+if TYPE_CHECKING:
+    from homofact.api.result import Fit
+
+_LARGEST = 75.0  # θi in degrees up to which albedos are stated
 
 
 def fit_facts(place: Path) -> tuple[str, dict[str, Any], dict[str, Any]] | None:
@@ -57,6 +63,15 @@ def fit_facts(place: Path) -> tuple[str, dict[str, Any], dict[str, Any]] | None:
     if said is not None:
         facts["verdict"] = said
         rows["verdict"] = said["summary"]
+    light = _light_over_samples(verdict)
+    if light:
+        facts["light_over_samples"] = light
+        rows["light over that of the samples, by θi"] = light_by_incidence(light)
+    facts["albedo"] = _albedo(fit)
+    rows["albedo"] = "\n".join(
+        f"{angle}°: " + ", ".join(f"{name} {value:.3g}" for name, value in own.items())
+        for angle, own in facts["albedo"].items()
+    )
     bars = None if verdict is None else verdict.bars
     if bars is not None:
         facts["bars"] = bars.record()
@@ -71,3 +86,33 @@ def fit_facts(place: Path) -> tuple[str, dict[str, Any], dict[str, Any]] | None:
                 stated += f"; {bar.unmeasured:.0%} of it leaves in directions without measurements"
             rows[f"total reflected light at {bar.degrees[0]:.0f}°"] = stated
     return place.name, rows, facts
+
+
+def _light_over_samples(verdict: Any) -> list[list[float]]:
+    """What a result's report says of (from, to, light of the fit over that of its samples); empty without it."""
+    rows = {} if verdict is None else verdict.record()
+    found = rows.get("by_incidence")
+    return found if isinstance(found, list) and all(_three_numbers(row) for row in found) else []
+
+
+def _three_numbers(row: Any) -> bool:
+    return isinstance(row, list) and len(row) == 3 and all(isinstance(each, int | float) for each in row)
+
+
+def _albedo(fit: "Fit") -> dict[str, dict[str, float]]:
+    """∫ f cosθo dωo of a fit by angle of incidence, of each channel, with the luminance Y of red, green and blue.
+
+    Of an anisotropic fit it is the mean of light along x and along y.
+    """
+    from homofact.brdf.spectral import LUMINANCE
+    from homofact.evaluation.verdict.flux import ALBEDO_DEGREES, albedos
+
+    found = albedos(fit.factorization, fit.isotropic).mean(1)
+    answer = {}
+    for degrees, values in zip(ALBEDO_DEGREES, found.tolist(), strict=True):
+        if degrees <= _LARGEST:
+            own = dict(zip(fit.channels, values, strict=True))
+            if tuple(name.upper() for name in fit.channels) == ("R", "G", "B"):
+                own["Y"] = sum(weight * value for weight, value in zip(LUMINANCE, values, strict=True))
+            answer[f"{degrees:g}"] = own
+    return answer

@@ -54,6 +54,10 @@ class ProgressSteps:
         self._begin(name, 0, 1)
         self._say(ProgressStep(name, left=left))
 
+    def part(self, done: int, parts: int) -> None:
+        """Say how many parts of the stage are done."""
+        self._say(ProgressStep(self._stage, done, parts))
+
     def expect(self, name: str, passed: float, left: float) -> None:
         """Begin a stage of a call that has taken `passed` seconds and is expected to take `left` more."""
         self._begin(name, 0, 1)

@@ -6,6 +6,7 @@ its two halves disagree by more than 1%, as they do near a narrow highlight, six
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import torch
@@ -30,11 +31,22 @@ class BandMeans:
     error: float
 
 
-def klems_means(reflectance: Reflectance, basis: KlemsBasis, isotropic: bool, points: int = POINTS) -> BandMeans:
-    """Return the means over all pairs of patches; of an `isotropic` material entries of equal |Δφ| are averaged."""
+def klems_means(
+    reflectance: Reflectance,
+    basis: KlemsBasis,
+    isotropic: bool,
+    points: int = POINTS,
+    progress: Callable[[int, int], object] | None = None,
+) -> BandMeans:
+    """Return the means over all pairs of patches; of an `isotropic` material entries of equal |Δφ| are averaged.
+
+    `progress` is called with (parts done, parts): half of them are a first pass, half the pairs that need more points.
+    """
     rows, apart = [], []
     light, view = _inside(basis, points)
     for k in range(basis.size):
+        if progress is not None:
+            progress(k, 2 * basis.size)
         means, error = _halves(reflectance, light[k].expand(basis.size, points, 3), view)
         rows.append(means)
         apart.append(error)
@@ -42,15 +54,25 @@ def klems_means(reflectance: Reflectance, basis: KlemsBasis, isotropic: bool, po
     coarse = (error > _CLOSE * values.amax(2)).nonzero()
     if len(coarse):
         light, view = _inside(basis, _MORE * points)
+        done, total = 0, len(coarse)
         for pairs in coarse.split(max(1, _CHUNK // (_MORE * points))):
             i, o = pairs.unbind(1)
+            if progress is not None:
+                progress(total + done, 2 * total)
+            done += len(pairs)
             values[i, o], error[i, o] = _halves(reflectance, light[i], view[o])
     table = KlemsTable(basis, basis, values, reflectance.channels)
     relative = error / values.amax(2).clamp_min(1e-12)
     return BandMeans(table.averaged() if isotropic else table, float(relative.reshape(-1).quantile(0.99)))
 
 
-def tree_means(reflectance: Reflectance, side: int, isotropic: bool, points: int = 16) -> Tensor:
+def tree_means(
+    reflectance: Reflectance,
+    side: int,
+    isotropic: bool,
+    points: int = 16,
+    progress: Callable[[int, int], object] | None = None,
+) -> Tensor:
     """The means (side, side, side, C) over cells of the unit cube where `isotropic`, else (side, …, side, C) over four.
 
     Of three dimensions the half that is no light is 0, and the material is averaged over its azimuth.
@@ -59,6 +81,8 @@ def tree_means(reflectance: Reflectance, side: int, isotropic: bool, points: int
     number = side // 2 if isotropic else side * side
     rows = []
     for k in range(number):
+        if progress is not None:
+            progress(k, number)
         cells = torch.arange(side * side)
         within = torch.stack((cells // side, cells % side), 1)[:, None].double()
         view = _lifted(to_disk(((within + draws[:, 2:]) / side).reshape(-1, 2)))

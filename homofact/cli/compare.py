@@ -112,10 +112,12 @@ def _compare_fits(asked: "CompareSettings", screen: Screen) -> None:
     from homofact.api.comparing_fits import compare_fits
 
     with screen.progress() as progress:
-        found = compare_fits(asked.sources, plot=asked.plot, progress=progress)
+        found = compare_fits(asked.sources, metrics=asked.metrics, plot=asked.plot, progress=progress)
     if found.part == "source":
         screen.note("homofact: the fits have different held-out samples, so the errors are on all samples")
-    screen.show(error_table(found.records), *appearance_tables(found.records), size_table(found.records))
+    metrics = metric_tables({label: record["metrics"] for label, record in found.records.items()})
+    screen.show(error_table(found.records), *appearance_tables(found.records), *metrics, *map(Text, found.conditions))
+    screen.show(size_table(found.records))
     said = {label: record["verdict"] for label, record in found.records.items() if record["verdict"] is not None}
     screen.show(*(hanging(f"{label}: {verdict['summary']}", 2) for label, verdict in said.items()))
     if found.plot is not None:

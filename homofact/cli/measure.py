@@ -87,9 +87,9 @@ def measure(
 ) -> None:
     """Choose the directions that a goniometer should measure next.
 
-    It combines the samples so far with statistics of 128 materials, and
-    chooses the directions that lower the expected error of pictures, albedo
-    and highlight most. Fill in the CSV, and run it again with all files.
+    It is for isotropic materials. It combines the samples so far with
+    statistics of 128 materials, and chooses the directions that lower the
+    expected error of pictures, albedo and highlight most. Fill in the CSV, and run it again with all files.
     """
     limits = {name: _limits(name, text) for name, text in (("theta_i", theta_i), ("theta_o", theta_o), ("phi", phi))}
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 from homofact.cli.flags import option
 from homofact.errors import BadInput
-from homofact.evaluation.wording import figure, findings_named
+from homofact.evaluation.wording import figure, findings_named, light_by_incidence
 
 if TYPE_CHECKING:
     from homofact.evaluation.compare import ComparisonRow
@@ -43,9 +43,8 @@ def where_lines(verdict: "Verdict") -> list[str]:
 
 def incidence_lines(verdict: "Verdict") -> list[str]:
     """Return what the fit has of its samples' light, by angle of incidence, in a line; none where it is not known."""
-    rows = verdict.figures.light.by_incidence
-    parts = [(f"{low:.0f}–{high:.0f}°" if high > low else f"{low:g}°") + f" {ratio:.0%}" for low, high, ratio in rows]
-    return [f"Light of the fit over that of its samples, by θi: {', '.join(parts)}"] if parts else []
+    light = light_by_incidence(verdict.figures.light.by_incidence)
+    return [f"Light of the fit over that of its samples, by θi: {light}"] if light else []
 
 
 def cause_lines(verdict: "Verdict") -> list[str]:

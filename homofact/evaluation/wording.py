@@ -70,6 +70,19 @@ def trust_in_words(trusted: bool, said: str = "") -> str:
     return said if said.startswith(f"{word}; ") else f"{word}; {said}"
 
 
+def light_by_incidence(rows: Sequence[Sequence[float]]) -> str:
+    """Return (from, to, ratio) by θi in degrees as "5° 101%, 15–30° 98%"; an angle where from and to are the same.
+
+    Examples
+    --------
+    >>> light_by_incidence([(5, 5, 1.01), (15, 30, 0.984)])
+    '5° 101%, 15–30° 98%'
+    """
+    return ", ".join(
+        (f"{low:.0f}–{high:.0f}°" if high > low else f"{low:g}°") + f" {ratio:.0%}" for low, high, ratio in rows
+    )
+
+
 def findings_named(names: Sequence[str]) -> str:
     """Findings by name, as they follow a verdict's sentence: " (findings: coverage, light)"; "" where there is none.
 

@@ -62,7 +62,9 @@ def check_samples(samples: "Samples") -> None:
     """
     if not samples.isotropic:
         raise BadInput(
-            where="samples", found="an anisotropic material", expected="light from one azimuth, or # isotropic: true"
+            where="samples",
+            found="an anisotropic material",
+            expected="an isotropic one: directions are chosen for isotropic materials alone",
         )
     if not bool(samples.values.any()):
         raise BadInput(where="samples", found="values that are all 0", expected="some light")

@@ -91,3 +91,19 @@ def test_fits_that_cannot_be_compared_are_refused(fits: Path, tmp_path: Path, ca
     # Between fits and sources there is nothing to compare.
     assert main(["compare", str(fits / "small"), SOURCE]) == 2
     assert "found the folder of a fit" in capsys.readouterr().err
+
+
+def test_metrics_are_those_asked_for(fits: Path, capsys) -> None:
+    places = [fits / "small", fits / "large"]
+    found = homofact.compare_fits(places, metrics=("male", "ciede2000"))
+    for label, record in found.records.items():
+        assert list(record["metrics"]) == ["male", "ciede2000"]
+        alone = homofact.evaluate(fits / label, metrics=("male", "ciede2000")).metrics
+        assert record["metrics"] == pytest.approx(alone)
+    assert main(["compare", *map(str, places), "--metrics", "male,ciede2000"]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "ciede2000" in said
+    assert found.conditions[0] in said
+    # Of fits that saw different samples, on all of them.
+    over_all = homofact.compare_fits([fits / "large", fits / "all"], metrics=("log_mse",)).records["large"]
+    assert over_all["metrics"]["log_mse"] == pytest.approx(over_all["error"]["source"]["log_mse"], rel=1e-6)

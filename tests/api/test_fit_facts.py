@@ -1,12 +1,14 @@
 """What `info` says of a saved fit: what it is, and its error bars by angle, as the fit itself states them."""
 
 import json
+import math
 import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from goniometer import steel_rings
 from pictured import small_spheres
 
 import homofact
@@ -15,6 +17,7 @@ from homofact.api.fit_facts import fit_facts
 from homofact.api.plan_facts import plan_entry
 from homofact.api.subjects import given_fit
 from homofact.brdf.materials import material
+from homofact.brdf.quality.faults import albedo as brdf_albedo
 from homofact.brdf.sampling import sample_model
 from homofact.errors import BadInput
 from homofact.factor.factorization import Factorization
@@ -147,3 +150,33 @@ def test_a_plan_that_is_damaged_or_names_other_folders_is_passed_over(choice: Pa
 def test_a_result_in_no_plan_has_no_entry(result: Path) -> None:
     assert plan_entry(result) is None
     assert plan_entry(result / "manifest.json") is None
+
+
+def test_the_albedo_of_a_fit_is_given_by_angle_and_channel(result: Path) -> None:
+    found = homofact.info(result)
+    albedo, fit = found.facts["albedo"], homofact.load(result)
+    assert list(albedo) == ["0", "15", "30", "45", "60", "75"]
+    for degrees, own in albedo.items():
+        assert list(own) == ["R", "G", "B", "Y"]
+        # McCool's textures depend on the azimuth: light along x and along y.
+        sides = [float(brdf_albedo(fit.factorization, float(degrees), turn)[0]) for turn in (0.0, math.pi / 2)]
+        assert own["R"] == pytest.approx(sum(sides) / 2, rel=0.01)
+        assert own["Y"] == pytest.approx(0.2126 * own["R"] + 0.7152 * own["G"] + 0.0722 * own["B"], rel=1e-3)
+    assert f"30°: R {albedo['30']['R']:.3g}, G" in found.rows["albedo"]
+    # Of a source that can be evaluated the error was measured; there is no light of samples beside it.
+    assert "light_over_samples" not in found.facts
+
+
+def test_the_light_over_that_of_the_samples_is_given(tmp_path: Path) -> None:
+    samples = steel_rings(steps=(5, 15))
+    with small_spheres():
+        homofact.factorize(samples, tmp_path / "fit", homofact.McCool(size=12))
+    found = homofact.info(tmp_path / "fit")
+    light = found.facts["light_over_samples"]
+    assert [row[:2] for row in light] == [[angle, angle] for angle in (5, 20, 35, 50, 65)]
+    assert found.rows["light over that of the samples, by θi"].startswith(f"5° {light[0][2]:.0%}, 20° ")
+    report = tmp_path / "fit" / "report.json"
+    record = json.loads(report.read_text())
+    record["verdict"]["by_incidence"] = [[5, "a"]]
+    report.write_text(json.dumps(record))
+    assert "light_over_samples" not in homofact.info(tmp_path / "fit").facts

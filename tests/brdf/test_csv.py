@@ -269,3 +269,13 @@ def test_values_that_no_fit_can_hold_are_refused_with_the_file_s_name(tmp_path: 
     (tmp_path / "a.csv").write_text("theta_i,phi_i,theta_o,phi_o,R\n0.1,0,0.2,3,1e31\n0.2,0,0.2,3,0.5\n")
     with pytest.raises(BadInput, match=r"a\.csv: samples: values at row 0 are up to 1e\+31, expected at most 1e\+30"):
         read_samples(tmp_path / "a.csv")
+
+
+@pytest.mark.parametrize(
+    ("header", "names"), [("r,g,b", ("R", "G", "B")), ("r,g", ("r", "g")), ("b,g,r", ("b", "g", "r"))]
+)
+def test_colours_have_their_usual_names(header: str, names: tuple[str, ...], tmp_path: Path) -> None:
+    file = tmp_path / "a.csv"
+    row = ",".join(["0.3"] * len(names))
+    file.write_text(f"theta_i,theta_o,dphi,{header}\n0.1,0.2,1,{row}\n0.2,0.1,2,{row}\n")
+    assert csv.read(file).channels == names

@@ -1,16 +1,21 @@
 """`homofact convert`: every ending, what survives, what is refused."""
 
 import json
+import math
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 import torch
+from goniometer import steel_rings
+from refusals import refused
 
 import homofact
 from homofact.brdf.adaptive import tabulated
-from homofact.brdf.formats import csv, merl, read_samples, rgl
+from homofact.brdf.formats import csv, merl, read_samples, rgl, window_writer
 from homofact.brdf.materials import material
+from homofact.brdf.quality.faults import light_over_rings
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
@@ -246,3 +251,40 @@ def test_a_format_that_an_ending_has_not_is_refused(tmp_path: Path, capsys: pyte
     said = capsys.readouterr().err
     assert "an anisotropic material, expected an ending .anisotropicbsdf" in said
     assert list(tmp_path.iterdir()) == []
+
+
+class _Unasked:
+    """A reflectance of channels that are no colour, which must not be evaluated before that is told."""
+
+    channels = ("a", "b")
+    isotropic = True
+
+    def evaluate(self, wi: torch.Tensor, wo: torch.Tensor) -> torch.Tensor:
+        raise AssertionError("evaluated for minutes before it is refused")
+
+
+@pytest.mark.parametrize("write", [window_writer.write_klems, window_writer.write_tree])
+def test_channels_that_are_no_colour_are_refused_first(write: Callable[..., object], tmp_path: Path) -> None:
+    with refused("channels a, b, expected R, G, B"):
+        write(tmp_path / "out.xml", _Unasked(), True, "two")
+    assert not list(tmp_path.iterdir())
+
+
+def test_parts_done_are_told_and_rise(tmp_path: Path) -> None:
+    parts: list[tuple[int, int]] = []
+    model = material("phong-30").model
+    window_writer.write_klems(tmp_path / "out.xml", model, True, "phong", progress=lambda *at: parts.append(at))
+    shares = [done / whole for done, whole in parts]
+    assert shares == sorted(shares)
+    assert shares[0] == 0
+    assert 0.5 <= shares[-1] < 1
+
+
+def test_the_light_between_samples_is_told(tmp_path: Path) -> None:
+    samples = steel_rings(steps=(5, 15))
+    found = homofact.convert(samples, tmp_path / "steel.bsdf")
+    rows = dict(light_over_rings(samples, homofact.read(samples).reflectance))
+    worst = max(rows, key=lambda angle: abs(math.log(rows[angle])))
+    (note,) = [note for note in found.notes if note.startswith("between and beyond the samples")]
+    assert f"at {worst:g}° incidence they have {rows[worst]:.0%} of the light of the samples" in note
+    assert note.endswith("convert a fit of the samples") is (abs(rows[worst] - 1) > 0.1)

@@ -124,7 +124,7 @@ BAD_FILES = {
     "not filled in": (rows("30,0,40,180,,,"), "bad.csv: line 3: found an empty cell in column R, expected a"),
     "anisotropic": (
         rows("30,0,40,180,1,1,1", "30,90,40,180,1,1,1").replace("true", "false"),
-        "samples: found an anisotropic material, expected light from one azimuth",
+        "samples: found an anisotropic material, expected an isotropic one",
     ),
 }
 

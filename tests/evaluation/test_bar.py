@@ -219,3 +219,19 @@ def test_judging_takes_no_longer_than_it_may() -> None:
     began = time.process_time()
     verdict(train=measured(noisy(0.05)))
     assert time.process_time() - began < 2.0
+
+
+def test_a_limit_wider_than_a_factor_of_ten_is_not_trusted() -> None:
+    assert not bars().too_wide
+    wide = ErrorBar.stated("albedo", BarKind.RIGHT, 2 * MOST, 0.9, (0, 75))
+    assert ErrorBars((wide, *bars().bars[1:])).too_wide
+    sound = verdict()
+    assert sound.trusted
+    doubted = replace(sound, bars=ErrorBars((wide, *sound.bars.bars[1:])))
+    assert not doubted.trusted
+    assert doubted.summary.startswith("not trusted; ")
+    # Where no bars can be had at all, as of anisotropic samples, nothing was found wider than it may be.
+    reason = "error bars were calibrated without anisotropic measurements"
+    none = ErrorBars((ErrorBar("albedo", BarKind.WITHDRAWN, None, 0.9, (0, 75), reason),))
+    assert not none.too_wide
+    assert none.sentence() == f"how far it may be off is unknown: {reason}"

@@ -48,7 +48,8 @@ def test_every_feature_has_words_of_its_own() -> None:
     assert causes_in_words(table().warning, usual) == ""
     raised = usual | {"reciprocity": usual["reciprocity"] + math.log(6)}
     assert causes_in_words(table().warning, raised) == (
-        "the light that changes when light and viewer are swapped is 6 times the usual figure"
+        "the light that changes when light and viewer are swapped is 6 times that of most fits (a fit with"
+        " `reciprocal=True` has none)"
     )
 
 
@@ -97,14 +98,10 @@ def test_a_sentence_names_the_angles_whose_bars_rest_on_extrapolation() -> None:
     by_angle = tuple(replace(bar, unmeasured=share) for bar, share in zip(made.by_angle, shares, strict=True))
     assert [bar.rests_on_extrapolation for bar in by_angle] == [False, True, False, False, True]
     assert ErrorBars((), by_angle).extrapolated_sentence() == (
-        "the error may exceed the limits at 15° and 60° incidence: 10% and 22% of the light leaves in directions"
-        " without measurements"
+        "at 15° and 60° incidence 10% and 22% of the light leaves in directions without measurements, more than the"
+        " limits there, 3% and 6%"
     )
-    assert (
-        ErrorBars((), by_angle[:2])
-        .extrapolated_sentence()
-        .startswith("the error may exceed the limit at 15° incidence")
-    )
+    assert ErrorBars((), by_angle[:2]).extrapolated_sentence().endswith("more than its limit, 3%")
     assert made.extrapolated_sentence() == ""
 
 
@@ -123,3 +120,12 @@ def test_lines_are_printed_where_there_is_something_to_say() -> None:
     assert cause_lines(warned) == ["Why it warns: why"]  # pyright: ignore[reportArgumentType]
     assert where_lines(warned)[0].startswith("Where: by angle")  # pyright: ignore[reportArgumentType]
     assert cause_lines(silent) == where_lines(silent) == []  # pyright: ignore[reportArgumentType]
+
+
+def test_a_figure_on_the_good_side_of_the_usual_one_is_no_cause() -> None:
+    # A negative weight raises the odds where an error is small: true of the calibration, and no reason to anyone.
+    own = model(apart=(-1.0, -2.0), samples=(-1.0, 5.0), reciprocity=(1.0, -5.0))
+    assert causes(own, {"apart": -4.0, "samples": 5.0, "reciprocity": -5.0}) == []
+    assert [name for name, *_ in causes(own, {"apart": -4.0, "samples": 3.0, "reciprocity": -4.0})] == [
+        "samples", "reciprocity",
+    ]  # fmt: skip

@@ -1,7 +1,11 @@
 """The light of a fit over that of its samples, by angle of incidence: of measurements, and of bands that hold some."""
 
+import math
+from dataclasses import replace
+
 import pytest
 import torch
+from goniometer import steel_rings
 from judged import seen, verdict
 
 from homofact.brdf.materials import material
@@ -35,3 +39,16 @@ def test_it_is_told_of_samples_alone() -> None:
     for low, high, ratio in fit.figures.light.by_incidence:
         assert f"{low:.0f}–{high:.0f}° {ratio:.0%}" in line
     assert incidence_lines(verdict(seen=seen())) == []
+
+
+def test_each_ring_of_a_goniometer_has_its_own_ratio() -> None:
+    samples = steel_rings()
+    degrees = torch.rad2deg(to_spherical(samples.wi)[0])
+    factor = torch.where(degrees < 40, 1.0, 0.5)
+    rows = by_incidence(samples, flux_of(samples), samples.values * factor[:, None])
+    assert rows == tuple((angle, angle, pytest.approx(1 if angle < 40 else 0.5)) for angle in (5, 20, 35, 50, 65))
+    # Weighed by solid angle, not by the number of samples: half of them, up to θo = 40°, hold sin² 42.5° here.
+    inner = (samples.wo[:, 2] > 0.766).double()
+    even = replace(samples, values=torch.ones_like(samples.values))
+    part = by_incidence(even, flux_of(even), inner[:, None] * even.values)
+    assert [ratio for *_, ratio in part] == pytest.approx([math.sin(math.radians(42.5)) ** 2] * 5, abs=0.02)

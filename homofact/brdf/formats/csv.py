@@ -101,7 +101,7 @@ def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
         wi,
         wo,
         stacked,
-        channels=tuple(values),
+        channels=_colours(tuple(values)),
         isotropic=bool(isotropic),
         weights=table.get("weight"),
         provenance={
@@ -184,6 +184,12 @@ def _faults(table: dict[str, Tensor], form: tuple[str, ...]) -> Iterator[_Fault]
                 column < 0,
                 lambda row, name=name, column=column: BadInput(f"{name} is {float(column[row]):g}", expected=">= 0"),
             )
+
+
+def _colours(names: tuple[str, ...]) -> tuple[str, ...]:
+    """The names of channels; r, g, b in whatever letters are the colours that other formats know as R, G, B."""
+    upper = tuple(name.upper() for name in names)
+    return upper if upper == ("R", "G", "B") else names
 
 
 def _vector_fault(name: str, w: Tensor) -> _Fault:

@@ -6,7 +6,7 @@ CIE-Z (or CIE-u and CIE-v); one channel is Visible.
 """
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from xml.sax.saxutils import escape
 
 import numpy as np
@@ -26,13 +26,19 @@ _SIDES = ("Front", "Back")
 
 
 def write_klems(
-    path: str | os.PathLike[str], reflectance: Reflectance, isotropic: bool, name: str, comments: Sequence[str] = ()
+    path: str | os.PathLike[str],
+    reflectance: Reflectance,
+    isotropic: bool,
+    name: str,
+    comments: Sequence[str] = (),
+    progress: Callable[[int, int], object] | None = None,
 ) -> dict[str, float | int]:
     """Write the means of a reflectance over pairs of bands; what they are known to, and how many there are.
 
     Raises BadInput for channels that are no colour, and for a place that cannot be written.
     """
-    means = klems_means(reflectance, FULL, isotropic)
+    _check_colour(reflectance)
+    means = klems_means(reflectance, FULL, isotropic, progress=progress)
     xyz = to_xyz(means.table.values.reshape(-1, len(means.table.channels)), reflectance.channels).clamp_min(0)
     table = KlemsTable(FULL, FULL, xyz.reshape(FULL.size, FULL.size, -1), ("X", "Y", "Z")[: xyz.shape[1]])
     sides = {"Back": table, "Front": table if isotropic else table.other_side()}
@@ -49,14 +55,20 @@ def write_klems(
 
 
 def write_tree(
-    path: str | os.PathLike[str], reflectance: Reflectance, isotropic: bool, name: str, comments: Sequence[str] = ()
+    path: str | os.PathLike[str],
+    reflectance: Reflectance,
+    isotropic: bool,
+    name: str,
+    comments: Sequence[str] = (),
+    progress: Callable[[int, int], object] | None = None,
 ) -> dict[str, float | int]:
     """Write a tensor tree of a reflectance: TensorTree3 where it is isotropic, else TensorTree4; its number of leaves.
 
     Raises BadInput as `write_klems`.
     """
     side = SIDE_OF_3 if isotropic else SIDE_OF_4
-    values = tree_means(reflectance, side, isotropic)
+    _check_colour(reflectance)
+    values = tree_means(reflectance, side, isotropic, progress=progress)
     xyz = to_xyz(values.reshape(-1, values.shape[-1]), reflectance.channels).clamp_min(0)
     colours = xyz if xyz.shape[1] == 1 else to_yuv(xyz)
     cube = colours.reshape(*values.shape[:-1], -1)
@@ -109,6 +121,11 @@ def _basis(basis: KlemsBasis) -> str:
         parts.append(f"<AngleBasisBlock><Theta>{theta:g}</Theta><nPhis>{count}</nPhis>")
         parts.append(f"<ThetaBounds>{bounds}</ThetaBounds></AngleBasisBlock>")
     return "\n".join([*parts, "</AngleBasis>", ""])
+
+
+def _check_colour(reflectance: Reflectance) -> None:
+    """Raise BadInput for channels that are no colour, before minutes of work."""
+    to_xyz(torch.zeros(1, len(reflectance.channels), dtype=torch.float64), reflectance.channels)
 
 
 def _block(side: str, band: str, bases: str, text: str) -> str:

@@ -75,6 +75,20 @@ def evaluated_faults(samples: Samples, reflectance: Reflectance, own: bool) -> d
     }
 
 
+def light_over_rings(samples: Samples, reflectance: Reflectance) -> list[tuple[float, float]]:
+    """Return (θi in degrees, light of a reflectance over that of the samples there), by rising θi; all azimuths.
+
+    Of samples that lie on rings (`lit_rings`); empty for others.
+    """
+    own: dict[float, list[float]] = {}
+    for ring in lit_rings(samples):
+        light = float(ring.weights @ samples.values[ring.index].mean(1))
+        found = float(albedo(reflectance, ring.degrees, ring.azimuth, 24, 32).mean())
+        both = own.setdefault(round(ring.degrees, 1), [0.0, 0.0])
+        both[0], both[1] = both[0] + found, both[1] + light
+    return [(degrees, found / light) for degrees, (found, light) in sorted(own.items()) if light > 0]
+
+
 def spread_along_the_normal(samples: Samples) -> float | None:
     """Return by how much isotropic samples along the normal differ with the azimuth; None for too few of them.
 

@@ -27,12 +27,13 @@ class LitRing:
 
     Attributes
     ----------
-    degrees : angle of incidence.
+    degrees, azimuth : angle of incidence in degrees, and azimuth of the light in radians.
     index : (n,) int64, the samples' places.
     weights : (n,) cosθo times the solid angle that is nearest to each, π in all.
     """
 
     degrees: float
+    azimuth: float
     index: Tensor
     weights: Tensor
 
@@ -54,7 +55,7 @@ def lit_rings(samples: Samples) -> tuple[LitRing, ...]:
         index = (ring == number).nonzero()[:, 0]
         weights = _weights(samples.wi[index], samples.wo[index], samples.isotropic)
         if weights is not None:
-            rings.append(LitRing(math.degrees(float(theta[index].mean())), index, weights))
+            rings.append(LitRing(math.degrees(float(theta[index].mean())), float(phi[index[0]]), index, weights))
     return tuple(rings)
 
 

@@ -7,6 +7,7 @@ times how far it is from the mean of the calibration. Figures that measure one t
 import math
 from collections.abc import Mapping
 
+from homofact.errors import Advice
 from homofact.evaluation.bar.features import GAP_FLOOR
 from homofact.evaluation.bar.table import LinearModel, table
 from homofact.evaluation.wording import figure
@@ -18,6 +19,11 @@ _SAME = {
     "own_mended": "mended", "own_read": "apart", "own_chance": "scatter", "own_gap": "samples",
     "own_unmeasured": "unmeasured",
 }  # fmt: skip
+
+# What leaves a cause no ground, where one setting does.
+_ADVICE = {"reciprocity": f"a fit with {Advice('reciprocal', True)} has none"}
+# A figure below the usual one is a cause of these alone; of the others that would be no reason to anyone.
+_LESS_IS_WORSE = {"samples", "effective", "contrast"}
 
 WORDS = {
     "mended": "the error that a correction by the nearest samples removes",
@@ -74,7 +80,7 @@ def gap_in_words(gap: float) -> str:
 def causes(model: LinearModel, features: Mapping[str, float]) -> list[tuple[str, float, float]]:
     """Return (feature, its part of the log odds, its figure over the usual one) of the main causes, largest first.
 
-    At least one is returned if any figure raises the odds.
+    At least one is returned if any figure raises the odds and is on its bad side of the usual one.
     """
     parts: dict[str, float] = {}
     times: dict[str, float] = {}
@@ -85,13 +91,15 @@ def causes(model: LinearModel, features: Mapping[str, float]) -> list[tuple[str,
         # The ratio of the figure that has the largest part in it.
         if name == group or group not in times:
             times[group] = math.exp(features[name] - mean)
-    raised = sorted(((part, name) for name, part in parts.items() if part > 0), reverse=True)
+    bad = (name for name in parts if (times[name] >= 1) != (name in _LESS_IS_WORSE) or name == "contrast")
+    raised = sorted(((parts[name], name) for name in bad if parts[name] > 0), reverse=True)
     kept = [each for each in raised[:_MOST] if each[0] >= _WORTH] or raised[:1]
     return [(name, part, times[name]) for part, name in kept]
 
 
 def causes_in_words(model: LinearModel, features: Mapping[str, float]) -> str:
-    """Return the main causes in words: "the number of samples is 0.2 times the usual figure"."""
+    """Return the main causes in words: "the number of samples is 0.2 times that of most fits"."""
     return "; ".join(
-        f"{WORDS[name]} is {times:.2g} times the usual figure" for name, _, times in causes(model, features)
+        f"{WORDS[name]} is {times:.2g} times that of most fits" + (f" ({_ADVICE[name]})" if name in _ADVICE else "")
+        for name, _, times in causes(model, features)
     )

@@ -16,6 +16,7 @@ from homofact.errors import BadInput
 from homofact.evaluation.wording import listed
 
 MOST = 9.0  # an error of nine times the value: a factor of ten
+TOO_WIDE = f"it may be off by more than a factor of {1 + MOST:g}"
 WORDS = {
     "albedo": "total reflected light",
     "highlight": "highlight",
@@ -76,7 +77,7 @@ class ErrorBar:
     ) -> "ErrorBar":
         """Return a bar of a bound; withdrawn where that is more than `MOST`."""
         if not bound <= MOST:
-            why = reason or f"it may be off by more than a factor of {1 + MOST:g}"
+            why = reason or TOO_WIDE
             return cls(quantity, BarKind.WITHDRAWN, None, rate, degrees, why, unmeasured)
         return cls(quantity, kind, bound, rate, degrees, reason, unmeasured)
 
@@ -199,12 +200,17 @@ class ErrorBars:
         """What the bars that are stated rest on; withdrawn where none is."""
         return next((bar.kind for bar in self.bars if bar.error is not None), BarKind.WITHDRAWN)
 
+    @property
+    def too_wide(self) -> bool:
+        """Whether the fit may be off by more than a factor of ten, though its samples could be judged."""
+        return any(bar.error is None and bar.reason == TOO_WIDE for bar in self.bars)
+
     def sentence(self) -> str:
         """Return all bars in one sentence."""
         stated = [bar for bar in self.bars if bar.error is not None]
         albedo = self.bars[0]
         if not stated:
-            return f"no error can be promised: {albedo.reason}"
+            return f"how far it may be off is unknown: {albedo.reason}"
         low, high = albedo.degrees
         said = ", ".join(bar.words() for bar in self.bars)
         if self.kind is BarKind.MEASURED:
@@ -246,17 +252,18 @@ class ErrorBars:
         --------
         >>> bar = ErrorBar("albedo", BarKind.RIGHT, 0.06, 0.9, (75.0, 75.0), unmeasured=0.22)
         >>> ErrorBars((), (bar,)).extrapolated_sentence()
-        'the error may exceed the limit at 75° incidence: 22% of the light leaves in directions without measurements'
+        'at 75° incidence 22% of the light leaves in directions without measurements, more than its limit, 6%'
         """
         found = [bar for bar in self.by_angle if bar.rests_on_extrapolation]
         if not found:
             return ""
         angles = listed([f"{bar.degrees[0]:.0f}°" for bar in found])
         shares = listed([f"{bar.unmeasured:.0%}" for bar in found])
-        limit = "limit" if len(found) == 1 else "limits"
+        limits = listed([percent(bar.error) for bar in found if bar.error is not None])
+        its = "its limit" if len(found) == 1 else "the limits there"
         return (
-            f"the error may exceed the {limit} at {angles} incidence: {shares} of the light leaves in directions"
-            " without measurements"
+            f"at {angles} incidence {shares} of the light leaves in directions without measurements, more than {its},"
+            f" {limits}"
         )
 
     def record(self) -> dict[str, Any]:

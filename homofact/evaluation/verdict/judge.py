@@ -31,7 +31,7 @@ from homofact.methods.method import Method
 
 # What makes a fit a bad one: its albedo at some angle, its picture under a sky, or that under a small lamp.
 OFF, OFF_SKY, OFF_LAMP = GOOD, 0.10, 0.25
-_ANISOTROPIC = "no fit of an anisotropic measurement was among those that error bars were counted on"
+_ANISOTROPIC = "error bars were calibrated without anisotropic measurements"
 
 
 def judge(

@@ -53,8 +53,8 @@ class Verdict:
 
     @property
     def trusted(self) -> bool:
-        """Return whether the verdict does not warn and no picture of the fit shows an artefact."""
-        return not self.alarm.given and not self._artefacts
+        """Return whether the verdict does not warn, no picture shows an artefact, and no limit is too wide."""
+        return not self.alarm.given and not self._artefacts and not self.bars.too_wide
 
     def about(self, whose: About) -> tuple[Finding, ...]:
         """Return the findings about the fit, the data, or what is unknown."""

@@ -7,9 +7,10 @@ from pathlib import Path
 
 import pytest
 import torch
+from goniometer import STEEL, steel_rings
 
 from homofact.brdf.analytic import Lambert, Phong
-from homofact.brdf.quality.faults import albedo, evaluated_faults, spread_along_the_normal
+from homofact.brdf.quality.faults import albedo, evaluated_faults, light_over_rings, spread_along_the_normal
 from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
 from homofact.brdf.source import describe, open_source
@@ -87,3 +88,16 @@ def test_what_lies_around_the_normal_must_not_depend_on_the_azimuth() -> None:
     assert spread_along_the_normal(replace(turned, isotropic=False)) is None
     few = turned.select((turned.wi[:, 2] < 0.99) & (turned.wo[:, 2] < 0.99))
     assert spread_along_the_normal(few) is None
+
+
+def test_the_light_of_the_material_itself_is_that_of_its_rings() -> None:
+    rows = light_over_rings(steel_rings(), STEEL)
+    assert [angle for angle, _ in rows] == [5, 20, 35, 50, 65]
+    assert [ratio for _, ratio in rows] == pytest.approx([1] * 5, abs=0.05)
+    # From one azimuth alone an isotropic half counts for both sides.
+    even = ringed(lambda i, o, phi: 0 * i + 0.3)
+    assert [ratio for _, ratio in light_over_rings(even, Lambert((0.6 * math.pi,), channels=("Y",)))] == pytest.approx([2] * 6, rel=0.03)
+    scattered = steel_rings()
+    turned = torch.rand(len(scattered), generator=torch.Generator().manual_seed(1)).double()
+    wi = from_spherical(turned, 6 * turned)
+    assert light_over_rings(replace(scattered, wi=wi), STEEL) == []
