@@ -96,7 +96,8 @@ def test_the_light_of_the_material_itself_is_that_of_its_rings() -> None:
     assert [ratio for _, ratio in rows] == pytest.approx([1] * 5, abs=0.05)
     # From one azimuth alone an isotropic half counts for both sides.
     even = ringed(lambda i, o, phi: 0 * i + 0.3)
-    assert [ratio for _, ratio in light_over_rings(even, Lambert((0.6 * math.pi,), channels=("Y",)))] == pytest.approx([2] * 6, rel=0.03)
+    twice = light_over_rings(even, Lambert((0.6 * math.pi,), channels=("Y",)))
+    assert [ratio for _, ratio in twice] == pytest.approx([2] * 6, rel=0.03)
     scattered = steel_rings()
     turned = torch.rand(len(scattered), generator=torch.Generator().manual_seed(1)).double()
     wi = from_spherical(turned, 6 * turned)
