@@ -46,6 +46,7 @@ if _TYPE_CHECKING:
     from homofact.methods.mccool import McCool
     from homofact.methods.models import Gaussians, Ggx, Nbrdf, Npf
     from homofact.methods.nmf import Nmf
+    from homofact.methods.own import OwnMethod
     from homofact.methods.search import Search
     from homofact.methods.svd import Svd
 
@@ -82,6 +83,7 @@ _HOMES = {
     "Nbrdf": "methods.models",
     "Nmf": "methods.nmf",
     "Npf": "methods.models",
+    "OwnMethod": "methods.own",
     "ProgressStep": "api.progress",
     "Samples": "brdf.samples",
     "Search": "methods.search",
@@ -89,10 +91,10 @@ _HOMES = {
 }
 
 __all__ = [
-    "BadInput", "Cole", "Fit", "Gaussians", "Ggx", "Goniometer", "McCool", "Nbrdf", "Nmf", "Npf", "ProgressStep",
-    "Samples", "Search", "Svd", "__version__", "apply_curves", "chart", "compare", "compare_fits", "convert", "edit",
-    "evaluate", "export", "factorize", "fit", "info", "load", "measure", "plan", "read", "relight", "render", "report",
-    "sweep", "terms", "view",
+    "BadInput", "Cole", "Fit", "Gaussians", "Ggx", "Goniometer", "McCool", "Nbrdf", "Nmf", "Npf", "OwnMethod",
+    "ProgressStep", "Samples", "Search", "Svd", "__version__", "apply_curves", "chart", "compare", "compare_fits",
+    "convert", "edit", "evaluate", "export", "factorize", "fit", "info", "load", "measure", "plan", "read", "relight",
+    "render", "report", "sweep", "terms", "view",
 ]  # fmt: skip
 
 

@@ -51,6 +51,7 @@ class SourceComparison:
 
     def measured(self) -> "list[MeasuredFit]":
         """Return every fit with its numbers."""
+        from homofact.brdf.pair_density import scheme_of
         from homofact.evaluation.means import MeasuredFit, settings_in_words
         from homofact.methods.table import bytes_to_fill
 
@@ -58,11 +59,14 @@ class SourceComparison:
         for label, seeds in self.rows.items():
             for row, values in zip(seeds.rows, self.values[label], strict=True):
                 fit, held_out = row.factorization, round(row.split.held_out * row.samples)
+                scheme = scheme_of(self.source.samples)
+                drawn = "as measured" if scheme is None else f"drawn by the scheme {scheme}"
+                sampling = f"{drawn}, split by seed {row.split.seed}"
                 found.append(
                     MeasuredFit(
                         self.source.name, label, row.settings.seed, fit.nbytes, fit.fetches, values,
                         fit.transform.epsilon, row.samples, held_out, row.verdict.figures.light.reciprocity,
-                        settings_in_words(row.settings), bytes_to_fill(row.settings),
+                        settings_in_words(row.settings), bytes_to_fill(row.settings), sampling,
                     )
                 )  # fmt: skip
         return found

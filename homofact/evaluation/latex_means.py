@@ -155,7 +155,7 @@ def sources_in_words(fits: Sequence[MeasuredFit]) -> list[str]:
             if one.held_out
             else f"no sample of {one.samples} held out"
         )
-        lines.append(f"{name}: epsilon {epsilons}; {part}")
+        lines.append("; ".join(filter(None, (f"{name}: epsilon {epsilons}", part, one.sampling))))
     warning = mixed_epsilons(fits)
     return [*lines, *([f"Beware: {warning}"] if warning else [])]
 

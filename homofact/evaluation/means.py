@@ -26,7 +26,7 @@ _COLUMNS = (
 OF_EPSILON = ("log_mse", "log_mae", "log_max")
 _ROUNDING = 1e-3  # of the light: so much may change where light and viewer are swapped
 # Settings that decide how well a method does, as the comments of a table name them.
-_SETTINGS = ("textures", "size", "bytes", "effort", "budget", "restarts", "joint_terms", "reciprocal")
+_SETTINGS = ("textures", "size", "bytes", "effort", "budget", "restarts", "joint_terms", "reciprocal", "lobes", "steps")
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,8 @@ class MeasuredFit:
 
     `epsilon` is that of its log transform, `samples` how many the source has, `held_out` how many of them the numbers
     are from. `swapped` is the share of the fit's light that changes where light and viewer are swapped, `settings`
-    are those of its method in words, and `asked` is the number of bytes that it had to fill.
+    are those of its method in words, and `asked` is the number of bytes that it had to fill. `sampling` says how its
+    samples were drawn and split.
     """
 
     source: str
@@ -50,6 +51,7 @@ class MeasuredFit:
     swapped: float = 0.0
     settings: str = ""
     asked: int | None = None
+    sampling: str = ""
 
     @property
     def group(self) -> tuple[str, int]:

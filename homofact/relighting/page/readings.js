@@ -112,7 +112,7 @@ function showError(view, statistics) {
   by("error-words").textContent = !view.atReference
     ? `The reference holds only for ${sky}, not turned, seen from the first camera${view.lightsAsGiven ? "" : ", with suns and lamps as bright as in the scene’s file"}.`
     : statistics.error === null ? "Light is still coming in."
-      : `relative RMS over the vertices in view${eachError(view, statistics.errors)}, against the ${reference.words}`;
+      : `relative RMS over the vertices in view${eachError(view, statistics.errors)}, against the ${reference.words}. Each vertex counts alike, also at the rim, where a picture has few pixels${view.judged ? "; the error over pixels is among the numbers below" : ""}.`;
 }
 
 /** " (bunny 2.3%, ground 7.1%)" of several objects. */
