@@ -53,10 +53,11 @@ class EditedFit:
         """Return one line for people."""
         if self.row is None:
             ways = " and ".join(dict.fromkeys(each.way for each in self.applied))
-            made, steps = f"changed in the textures of the fit ({ways})", ", whose curve has a step at each band"
+            made = f"changed in the textures of the fit ({ways})"
+            of = "the edited fit with a step at each band; the error of the fit before the edit comes on top"
         else:
-            made, steps = "fitted again", ""
-        return f"{made}: relative RMS {self.rms:.2%} against the edited material{steps}"
+            made, of = "fitted again", "the edited material"
+        return f"{made}: relative RMS {self.rms:.2%} against {of}"
 
 
 def chosen_material(
