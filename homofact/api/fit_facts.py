@@ -102,7 +102,7 @@ def _three_numbers(row: Any) -> bool:
 def _albedo(fit: "Fit") -> dict[str, dict[str, float]]:
     """∫ f cosθo dωo of a fit by angle of incidence, of each channel, with the luminance Y of red, green and blue.
 
-    Of an anisotropic fit it is the mean of light along x and along y.
+    For an anisotropic fit it is the mean of light along x and along y.
     """
     from homofact.brdf.spectral import LUMINANCE
     from homofact.evaluation.verdict.flux import ALBEDO_DEGREES, albedos

@@ -35,7 +35,7 @@ class MeasuredFit:
 
     `epsilon` is that of its log transform, `samples` how many the source has, `held_out` how many of them the numbers
     are from. `swapped` is the share of the fit's light that changes where light and viewer are swapped, `settings`
-    are those of its method in words, and `asked` is the number of bytes that it had to fill. `sampling` says how its
+    are those of its method in words, and `asked` is the number of bytes that it had to fill. `sampling` states how its
     samples were drawn and split.
     """
 

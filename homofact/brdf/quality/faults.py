@@ -111,7 +111,7 @@ def spread_along_the_normal(samples: Samples) -> float | None:
 def _ring_albedo(samples: Samples, rings: Sequence[LitRing]) -> float | None:
     """∫ f cosθo dωo of the largest channel over rings of samples with one angle of incidence; None without any.
 
-    Of several azimuths of the light it is that of the largest. None also where one sample holds more than
+    With several azimuths of the light it is that of the largest. None also where one sample holds more than
     `_MOST_OF_ONE` of it: its cell would decide.
     """
     largest = None

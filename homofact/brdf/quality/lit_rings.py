@@ -1,4 +1,4 @@
-"""Samples of a goniometer by the direction of their light, with the part of the hemisphere that each stands for.
+"""Samples of a goniometer by the direction of their light, with the part of the hemisphere that is nearest to each.
 
 A sum over a ring is an integral over the viewer's directions: Σ f w = ∫ f cosθo dωo, each direction with the nearest
 sample of its ring. Samples that lie scattered, and rings with too few samples, have none.
