@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import torch
 from refusals import refused
 
 import homofact
@@ -13,6 +14,15 @@ from homofact.evaluation.compare import fit_and_measure
 
 PAINT = homofact.read("material:phong-10", count=600)
 MODEL = material("phong-10").model
+
+
+class Everywhere:
+    """A reflectance that does not end at the horizon."""
+
+    channels = ("R", "G", "B")
+
+    def evaluate(self, wi: torch.Tensor, wo: torch.Tensor) -> torch.Tensor:
+        return torch.full_like(wi, 0.1)
 
 
 def mean(samples: homofact.Samples, seed: int) -> Any:
@@ -29,15 +39,17 @@ def test_what_the_function_returns_is_measured() -> None:
     row = fit_and_measure(PAINT, homofact.OwnMethod(function=mean))
     train, test = row.split.parts(PAINT)[0], row.split.test_samples(PAINT)
     assert row.held_out.max == pytest.approx(float((train.values.mean(0) - test.values).abs().max()), rel=1e-5)
-    assert row.factorization.evaluate(test.wi[:1], -test.wo[:1]).abs().sum() == 0
+    below = fit_and_measure(PAINT, homofact.OwnMethod(function=lambda samples, seed: Everywhere())).factorization
+    assert below.evaluate(test.wi[:1], test.wo[:1]).tolist() == [[0.1, 0.1, 0.1]]
+    assert below.evaluate(test.wi[:1], -test.wo[:1]).tolist() == [[0, 0, 0]]
 
 
 def test_it_stands_beside_the_others_with_its_seeds(tmp_path: Path) -> None:
     methods = {"ours": homofact.OwnMethod(function=mean, nbytes=12), "mccool": homofact.McCool(size=4)}
-    found = homofact.compare(PAINT, methods, seeds=2, latex=tmp_path / "a.tex")
+    found = homofact.compare(PAINT, methods, seeds=[3, 4], latex=tmp_path / "a.tex")
     assert list(found.rows) == ["ours", "mccool"]
     ours = found.rows["ours"]
-    assert ours.seeds == (0, 1)
+    assert ours.seeds == (3, 4)
     assert ours.held_out["mae"].deviation > 0
     assert ours.record()["bytes"] == 12
     written = (tmp_path / "a.tex").read_text()

@@ -5,11 +5,13 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 from goniometer import STEEL, steel_rings
 
 from homofact.brdf.analytic import Lambert, Phong
+from homofact.brdf.function import FunctionReflectance
 from homofact.brdf.quality.faults import albedo, evaluated_faults, light_over_rings, spread_along_the_normal
 from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
@@ -102,3 +104,13 @@ def test_the_light_of_the_material_itself_is_that_of_its_rings() -> None:
     turned = torch.rand(len(scattered), generator=torch.Generator().manual_seed(1)).double()
     wi = from_spherical(turned, 6 * turned)
     assert light_over_rings(replace(scattered, wi=wi), STEEL) == []
+    # 98 samples a ring are too few.
+    assert light_over_rings(steel_rings(steps=(12, 27)), STEEL) == []
+
+
+def test_the_light_of_a_ring_is_that_from_its_own_side() -> None:
+    turned = FunctionReflectance(lambda wi, wo: (0.3 + 0.25 * (wi[:, :1] ** 2 - wi[:, 1:2] ** 2)) * np.ones((1, 3)))
+    samples = steel_rings((50.0,), (0.0, 90.0, 30.0))
+    samples = replace(samples, values=turned.evaluate(samples.wi, samples.wo))
+    ((angle, ratio),) = light_over_rings(samples, turned)
+    assert (angle, ratio) == (50, pytest.approx(1, abs=0.01))
