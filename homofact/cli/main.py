@@ -53,6 +53,7 @@ RESEARCH = (
 )
 # Commands of 0.2.0 that are part of others now.
 _RENAMED = {
+    "fit": "homofact factorize SOURCE --out FOLDER",
     "chart": "homofact compare SOURCE --chart FOLDER",
     "materials": "homofact info without a source",
     "stability": "homofact research stability",

@@ -63,7 +63,7 @@ def material_record(plan: MaterialPlan) -> dict[str, Any]:
         "error": None if outcome is None else finite(outcome.value),
         "error_kind": None if outcome is None else outcome.kind,
         "error_lighting": None if outcome is None else outcome.lighting,
-        "trusted": None if outcome is None else outcome.trusted,
+        "trusted": _trusted(plan),
         "of_tolerance": None if outcome is None else finite(outcome.error),
         "missed_by": finite(plan.missed_by),
         "smaller": None if (one := smaller(plan)) is None else one.record(),
@@ -82,6 +82,15 @@ def material_record(plan: MaterialPlan) -> dict[str, Any]:
         "asked": [_asked(plan, rung, answer) for rung, answer in plan.walk.asked.items()],
         "verdict": None if verdict is None else verdict.record(),
     }
+
+
+def _trusted(plan: MaterialPlan) -> bool | None:
+    """Whether the choice is trusted; None where nobody judged it."""
+    if plan.verdict is not None:
+        return plan.verdict.trusted
+    if plan.outcome is None or (plan.outcome.trusted and not plan.tolerance.trusted):
+        return None
+    return plan.outcome.trusted
 
 
 def finite(value: float) -> float | None:

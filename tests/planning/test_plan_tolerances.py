@@ -61,6 +61,11 @@ def test_the_record_and_the_folders_keep_them_apart(found: ScenePlan, tmp_path: 
     assert set(record["margins"]) == {"reflected", "cole"}
     # None was judged, since no tolerance asks for trust.
     assert {asked["trusted"] for each in record["materials"] for asked in each["asked"]} == {None}
+    # Those of the choices are what their verdicts say, though none was judged while planning.
+    assert [each["trusted"] for each in record["materials"]] == [
+        each["verdict"]["trusted"] for each in record["materials"]
+    ]
+    assert not record["materials"][0]["trusted"]
     facts = plan_facts(tmp_path / "plan")
     assert facts is not None
     rows = facts[1]

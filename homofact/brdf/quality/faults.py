@@ -111,16 +111,16 @@ def spread_along_the_normal(samples: Samples) -> float | None:
 def _ring_albedo(samples: Samples, rings: Sequence[LitRing]) -> float | None:
     """∫ f cosθo dωo of the largest channel over rings of samples with one angle of incidence; None without any.
 
-    With several azimuths of the light it is that of the largest. None also where one sample holds more than
+    With several azimuths of the light it is their mean. None also where one sample holds more than
     `_MOST_OF_ONE` of it: its cell would decide.
     """
-    largest = None
+    sums = []
     for ring in rings:
         light = samples.values[ring.index] * ring.weights[:, None]
         if bool((light > _MOST_OF_ONE * light.sum(0)).any()):
             return None
-        largest = max(largest or 0.0, float(light.sum(0).max()))
-    return largest
+        sums.append(light.sum(0))
+    return float(torch.stack(sums).mean(0).max()) if sums else None
 
 
 def _lit(samples: Samples) -> list[float]:
