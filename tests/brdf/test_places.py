@@ -19,9 +19,9 @@ def test_swapped_directions_have_one_place(isotropic: bool) -> None:
 def test_a_turn_of_the_sample_moves_anisotropic_places_alone() -> None:
     angle = torch.tensor(0.7, dtype=torch.float64)
     turn = torch.tensor([[angle.cos(), -angle.sin(), 0], [angle.sin(), angle.cos(), 0], [0, 0, 1]])
-    turned = [w.double() @ turn.double().T for w in (WI, WO)]
-    assert half_places(*turned, True).allclose(half_places(WI, WO, True), atol=1e-9)
-    assert float((half_places(*turned, False) - half_places(WI, WO, False)).norm(dim=1).min()) > 0.05
+    wi, wo = (w.double() @ turn.double().T for w in (WI, WO))
+    assert half_places(wi, wo, True).allclose(half_places(WI, WO, True), atol=1e-9)
+    assert float((half_places(wi, wo, False) - half_places(WI, WO, False)).norm(dim=1).min()) > 0.05
 
 
 def test_mirror_directions_are_neighbours_whatever_their_azimuth() -> None:
