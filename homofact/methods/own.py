@@ -45,7 +45,7 @@ class OwnMethod(Method):
 
     name: ClassVar[str] = "own"
     implementation: ClassVar[str] = "homofact.methods.own_fit:fit_own"
-    size: ClassVar[int] = 0  # no textures
+    size = 0
 
     function: Callable[["Samples", int], Any]
     nbytes: int = 0
