@@ -10,9 +10,12 @@ from judged import seen, verdict
 
 from homofact.brdf.materials import material
 from homofact.brdf.sampling import sample_model
+from homofact.brdf.source import source_of
 from homofact.cli.verdicts import incidence_lines
+from homofact.evaluation.compare import fit_and_measure
 from homofact.evaluation.verdict.flux import BANDS, by_incidence, flux_of
 from homofact.geometry.directions import to_spherical
+from homofact.methods.mccool import McCool
 
 
 def test_each_band_has_its_own_ratio() -> None:
@@ -52,3 +55,11 @@ def test_each_ring_of_a_goniometer_has_its_own_ratio() -> None:
     even = replace(samples, values=torch.ones_like(samples.values))
     part = by_incidence(even, flux_of(even), inner[:, None] * even.values)
     assert [ratio for *_, ratio in part] == pytest.approx([math.sin(math.radians(42.5)) ** 2] * 5, abs=0.02)
+
+
+def test_a_fit_without_limits_has_findings_that_cost_nothing() -> None:
+    samples = steel_rings(steps=(5, 15))
+    row = fit_and_measure(source_of(samples), McCool(size=8))
+    assert "without anisotropic measurements" in row.verdict.summary
+    assert row.verdict.findings
+    assert [each.name for each in row.verdict.findings if each.costs] == []

@@ -62,7 +62,7 @@ def judge(
     alarm = Alarm(constants.score(features), constants.threshold, causes_in_words(constants.warning, features))
     doubt = doubt_of(odds, alarm)
     bars = stated_bars(figures, odds, constants, doubt) if train.isotropic else withdrawn_bars(figures, _ANISOTROPIC)
-    stated = any(bar.error is not None for bar in bars.bars)
+    stated = bars.bars[0].reason != _ANISOTROPIC
     costed = [_costed(each, figures, odds, constants, bool(doubt)) if stated else each for each in findings]
     return Verdict(report.status, bars, alarm, figures, ordered(costed), look)
 
