@@ -48,7 +48,8 @@ class FitsComparison:
         """Return the JSON form."""
         rows = [{"label": label, **record} for label, record in self.records.items()]
         plot = None if self.plot is None else str(self.plot)
-        return {"source": self.source, "part": self.part, "rows": rows, "plot": plot}
+        facts = {"source": self.source, "part": self.part, "rows": rows, "plot": plot}
+        return facts | {"metric_conditions": self.conditions}
 
 
 def compare_fits(

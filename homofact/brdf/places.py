@@ -10,6 +10,7 @@ angles, and the root of θh spreads the peak:
 
 import math
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -38,3 +39,14 @@ def half_places(wi: Tensor, wo: Tensor, isotropic: bool) -> Tensor:
     root, wide = (theta_h / (math.pi / 2)).sqrt(), theta_d / (math.pi / 2)
     across, along = _TURN * wide * torch.cos(turn), _TURN * wide * torch.sin(turn)
     return torch.stack((root * torch.cos(phi_h), root * torch.sin(phi_h), _DIFFERENCE * wide, across, along), 1)
+
+
+def neighbour_places(wi: Tensor, wo: Tensor, isotropic: bool) -> np.ndarray:
+    """Return `half_places` for a search of neighbours: at θh = 0 and at θd = 0 isotropic φd keeps nothing apart.
+
+    It means nothing there, so it is weighted by √θh sinθd.
+    """
+    place = half_places(wi, wo, isotropic).cpu().numpy()
+    if isotropic:
+        place[:, 2] *= place[:, 0].clip(0, 1) * np.sin(place[:, 1] * (math.pi / 2))
+    return place

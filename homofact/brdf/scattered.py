@@ -5,8 +5,8 @@ samples per channel, over the places of `brdf.places`. Up to `GLOBAL_LIMIT` samp
 interpolated from the nearest `neighbours`. The result stays within the range of the samples' logs, so that nothing is
 invented outside the measured angles.
 
-Of six anisotropic materials on five layouts of samples, the misplaced light is 2.9% (geometric mean); over the
-coordinates of both directions, which lose highlights between lights, it is 12%
+With six materials on five layouts of samples taken as anisotropic, the misplaced light is 2.9% (geometric mean); over
+the coordinates of both directions, which lose highlights between lights, it is 12%
 (`scripts/accuracy/interpolated_samples.py`).
 """
 

@@ -51,7 +51,11 @@ def latex_of(fits: Sequence[MeasuredFit], by_source: bool = False) -> str:
     of = f"{counted(len(sources), 'source')} and {counted(len(seeds), 'seed')} ({', '.join(map(str, seeds))})"
     lines = [
         f"% homofact {__version__}: mean and standard deviation over the fits to {of}, on held-out samples.",
-        *(f"% {_comment(line)}" for line in (*sources_in_words(fits), *methods_in_words(fits), *_unspread(fits))),
+        *(
+            f"% {_comment(line)}"
+            for line in (*sources_in_words(fits), *methods_in_words(fits), same_fits(fits))
+            if line
+        ),
         r"% \usepackage{booktabs}",
         rf"\begin{{tabular}}{{l{'r' * (len(metrics) + 3)}}}",
         r"\toprule",
@@ -113,11 +117,6 @@ def methods_in_words(fits: Sequence[MeasuredFit]) -> list[str]:
         if parts:
             lines.append(f"{name}: {'; '.join(parts)}")
     return lines
-
-
-def _unspread(fits: Sequence[MeasuredFit]) -> list[str]:
-    """What a deviation of 0 means, where there is one."""
-    return [line] if (line := same_fits(fits)) else []
 
 
 def _powers(rows: Sequence[MeanRow]) -> dict[str, int | None]:

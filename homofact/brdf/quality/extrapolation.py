@@ -14,11 +14,10 @@ The measured range is the range of the smaller and of the larger of θi and θo 
 extends through the normal and through the plane of incidence if samples lie within `_GAP` of them, since symmetry gives
 the values on the other side.
 
-Distances are those of `brdf.places`; of isotropic samples, φd is weighted by √θh sinθd, since it is undefined where
-either factor is 0. `NEIGHBOURS` counts neighbours in the parabolic discs of both directions, also near a mirror
-direction, and of anisotropic samples as many in `brdf.places` too: between two azimuths of the light no neighbour in
-the discs has the highlight. (With those in the discs alone, the highlight of a brushed steel lost 60% at the largest
-angle of incidence.)
+Distances are those of `brdf.places`. `NEIGHBOURS` counts neighbours in the parabolic discs of both directions, also
+near a mirror direction, and of anisotropic samples as many in `brdf.places` too: between two azimuths of the light no
+neighbour in the discs has the highlight. (With those in the discs alone, the highlight of a brushed steel lost 60% at
+the largest angle of incidence.)
 """
 
 import math
@@ -32,7 +31,7 @@ import torch
 from torch import Tensor
 
 from homofact.brdf.pair_density import draw_lobe, scheme_of
-from homofact.brdf.places import half_places
+from homofact.brdf.places import neighbour_places
 from homofact.brdf.samples import Samples
 from homofact.brdf.symmetry import angles_of_pairs
 from homofact.geometry.coordinates import coordinate_system
@@ -119,12 +118,9 @@ class Extrapolation:
         if bool(outside.any()):
             count = min(NEIGHBOURS, len(values))
             chosen = pairs.select(outside)
-            _, nearest = self._discs.query(_on_discs(chosen), k=count)
-            near = values[torch.from_numpy(np.reshape(nearest, (-1, count))).to(values.device)].amax(1)
+            near = _largest_of(values, self._discs, _on_discs(chosen), count)
             if not chosen.isotropic and self._known is not None:
-                _, nearest = self._known.query(_place(chosen), k=count)
-                about = values[torch.from_numpy(np.reshape(nearest, (-1, count))).to(values.device)].amax(1)
-                near = torch.maximum(near, about)
+                near = torch.maximum(near, _largest_of(values, self._known, _place(chosen), count))
             # Noise has zeros, of which no logarithm can be asked.
             bound[outside] = torch.maximum(near, _LEAST_BOUND * values.mean(0))
         return bound
@@ -159,6 +155,12 @@ class Extrapolation:
         return replace(pairs, values=values[chosen], weights=weights[chosen], all_azimuths=True)
 
 
+def _largest_of(values: Tensor, tree: "KDTree", place: np.ndarray, count: int) -> Tensor:
+    """The largest of the `count` values that are nearest to each place in the tree (N, C)."""
+    _, nearest = tree.query(place, k=count)
+    return values[torch.from_numpy(np.reshape(nearest, (-1, count))).to(values.device)].amax(1)
+
+
 def _least_cosine(samples: Samples) -> Tensor:
     return torch.minimum(samples.wi[:, 2], samples.wo[:, 2])
 
@@ -190,8 +192,4 @@ def _on_discs(samples: Samples) -> np.ndarray:
 
 
 def _place(samples: Samples) -> np.ndarray:
-    place = half_places(samples.wi, samples.wo, samples.isotropic).cpu().numpy()
-    if samples.isotropic:
-        # An angle that means nothing at θh = 0 and at θd = 0 keeps nothing apart there.
-        place[:, 2] *= place[:, 0].clip(0, 1) * np.sin(place[:, 1] * (math.pi / 2))
-    return place
+    return neighbour_places(samples.wi, samples.wo, samples.isotropic)

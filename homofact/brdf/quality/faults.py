@@ -26,7 +26,6 @@ from homofact.brdf.symmetry import (
     light_azimuths,
     reciprocity_of,
     reciprocity_of_samples,
-    ring_numbers,
 )
 from homofact.geometry.directions import from_spherical, to_spherical
 
@@ -55,23 +54,25 @@ def albedo(reflectance: Reflectance, degrees: float, azimuth: float = 0.0, rings
 def evaluated_faults(samples: Samples, reflectance: Reflectance, own: bool) -> dict[str, Any]:
     """Reciprocity error and albedo, JSON-able; `own` says that the reflectance is not made of the samples.
 
-    An interpolation of samples is asked at fewer places, and for light only where there was light.
+    The albedo is that of the largest channel, of an anisotropic material the mean over azimuths of the light; from none
+    of them may it exceed 1. An interpolation of samples is asked at fewer places, and for light only where there was
+    light.
     """
     reciprocity = reciprocity_of(reflectance) if own else reciprocity_of_samples(samples)
     angles, fineness = (ALBEDO_DEGREES, {}) if own else (_lit(samples), {"rings": 16, "spokes": 24})
     azimuths = light_azimuths(samples.isotropic)
-    rings = () if own or ring_numbers(samples.wi) is None else lit_rings(samples)
-    largest = {}
+    rings = () if own else lit_rings(samples)
+    found = {}
     for angle in angles:
-        found = _ring_albedo(samples, [ring for ring in rings if abs(ring.degrees - angle) <= 0.5])
-        if found is None:
-            found = max(float(albedo(reflectance, angle, a, **fineness).max()) for a in azimuths)
-        largest[f"{angle:g}"] = found
+        there = _ring_albedos(samples, [ring for ring in rings if abs(ring.degrees - angle) <= 0.5])
+        if there is None:
+            there = torch.stack([albedo(reflectance, angle, a, **fineness) for a in azimuths])
+        found[f"{angle:g}"] = there
     return {
         "reciprocity_error": reciprocity,
         "spread_along_the_normal": None if own else spread_along_the_normal(samples),
-        "albedo_by_degrees": {angle: round(value, 4) for angle, value in largest.items()},
-        "energy_above_one": any(value > 1 for value in largest.values()),
+        "albedo_by_degrees": {angle: round(float(each.mean(0).max()), 4) for angle, each in found.items()},
+        "energy_above_one": any(bool((each > 1).any()) for each in found.values()),
     }
 
 
@@ -108,11 +109,10 @@ def spread_along_the_normal(samples: Samples) -> float | None:
     return float(torch.tensor(spreads).median()) if spreads else None
 
 
-def _ring_albedo(samples: Samples, rings: Sequence[LitRing]) -> float | None:
-    """∫ f cosθo dωo of the largest channel over rings of samples with one angle of incidence; None without any.
+def _ring_albedos(samples: Samples, rings: Sequence[LitRing]) -> Tensor | None:
+    """∫ f cosθo dωo (R, C) of rings of samples with one angle of incidence, from R azimuths; None without any.
 
-    With several azimuths of the light it is their mean. None also where one sample holds more than
-    `_MOST_OF_ONE` of it: its cell would decide.
+    None also where one sample holds more than `_MOST_OF_ONE` of a ring: its cell would decide.
     """
     sums = []
     for ring in rings:
@@ -120,7 +120,7 @@ def _ring_albedo(samples: Samples, rings: Sequence[LitRing]) -> float | None:
         if bool((light > _MOST_OF_ONE * light.sum(0)).any()):
             return None
         sums.append(light.sum(0))
-    return float(torch.stack(sums).mean(0).max()) if sums else None
+    return torch.stack(sums) if sums else None
 
 
 def _lit(samples: Samples) -> list[float]:

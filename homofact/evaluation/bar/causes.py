@@ -20,10 +20,11 @@ _SAME = {
     "own_unmeasured": "unmeasured",
 }  # fmt: skip
 
-# What leaves a cause no ground, where one setting does.
+# The setting that removes a cause.
 _ADVICE = {"reciprocity": f"a fit with {Advice('reciprocal', True)} has none"}
 # A figure below the usual one is a cause of these alone; of the others that would be no reason to anyone.
-_LESS_IS_WORSE = {"samples", "effective", "contrast"}
+_LESS_IS_WORSE = {"samples", "effective"}
+_EITHER_WAY = {"contrast"}
 
 WORDS = {
     "mended": "the error that a correction by the nearest samples removes",
@@ -91,7 +92,7 @@ def causes(model: LinearModel, features: Mapping[str, float]) -> list[tuple[str,
         # The ratio of the figure that has the largest part in it.
         if name == group or group not in times:
             times[group] = math.exp(features[name] - mean)
-    bad = (name for name in parts if (times[name] >= 1) != (name in _LESS_IS_WORSE) or name == "contrast")
+    bad = (name for name in parts if name in _EITHER_WAY or (times[name] >= 1) != (name in _LESS_IS_WORSE))
     raised = sorted(((parts[name], name) for name in bad if parts[name] > 0), reverse=True)
     kept = [each for each in raised[:_MOST] if each[0] >= _WORTH] or raised[:1]
     return [(name, part, times[name]) for part, name in kept]

@@ -19,7 +19,7 @@ import torch
 from torch import Tensor
 
 from homofact.brdf.log_transform import LogTransform
-from homofact.brdf.places import half_places
+from homofact.brdf.places import neighbour_places
 from homofact.brdf.quality.extrapolation import Extrapolation
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
@@ -92,7 +92,7 @@ def reading_of(fit: Reflectance, samples: Samples, extrapolation: Extrapolation,
     """Hold a fit against the reading of the samples that it was made from; `extrapolation` is of these."""
     drawn = samples.subset(MOST_SAMPLES, seed)
     transform = LogTransform.of_values(drawn.values, _EPSILON)
-    place = place_of(drawn.wi, drawn.wo, drawn.isotropic)
+    place = neighbour_places(drawn.wi, drawn.wo, drawn.isotropic)
     logs = transform.forward(drawn.values)
     missed = logs - transform.forward(fit.evaluate(drawn.wi, drawn.wo).to(logs))
     first = torch.rand(len(drawn), generator=torch.Generator().manual_seed(seed)) < 0.5
@@ -118,15 +118,6 @@ def reading_of(fit: Reflectance, samples: Samples, extrapolation: Extrapolation,
         *nodes.gaps(whole.tree),
         float(light.sum() ** 2 / light.square().sum().clamp_min(_TINY)),
     )
-
-
-def place_of(wi: Tensor, wo: Tensor, isotropic: bool) -> np.ndarray:
-    """Where pairs of directions (N, 3) are to be neighbours, as `brdf.places` has them."""
-    place = half_places(wi, wo, isotropic).cpu().numpy()
-    if isotropic:
-        # An azimuth that means nothing at θh = 0 and at θd = 0 keeps nothing apart there.
-        place[:, 2] *= place[:, 0].clip(0, 1) * np.sin(place[:, 1] * (math.pi / 2))
-    return place
 
 
 def _known(place: np.ndarray, logs: Tensor, missed: Tensor, chosen: Tensor) -> _Known:
@@ -174,7 +165,7 @@ class _Nodes:
         before = flux.gather(1, order).cumsum(1) - flux.gather(1, order)
         inside = before < HIGHLIGHT * flux.sum(1, keepdim=True)
         brightest = torch.zeros_like(flux).scatter(1, order, inside.to(flux))
-        place = place_of(wi, wo.reshape(-1, 3), samples.isotropic)
+        place = neighbour_places(wi, wo.reshape(-1, 3), samples.isotropic)
         return cls(wi, wo.reshape(-1, 3), place, weight, values, brightest, transform)
 
     def lights(self, known: _Known) -> tuple[tuple[Tensor, float], tuple[Tensor, float]]:
