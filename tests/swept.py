@@ -89,7 +89,7 @@ def read_of(values: Sequence[dict[str, float | None]], labels: Sequence[str] = (
         metrics = {metric.name: given.get(metric.name) for metric in REPORTED}
         seconds, trusted = 0.5 + number / 7, number % 2 == 0
         known = (f"{number:032x}", each.source, each.name, each.label, number, 100 + number, 2, 2)
-        row = FitRow(*known, seconds, "direct", trusted, metrics)
+        row = FitRow(*known, 1e-5 * 10 ** (number % len(labels)), seconds, "direct", trusted, metrics)
         fits.append(
             ReportedFit(each, row, "right", (ReportedFinding("light", "visible", "found", "remedy"),), Path("none"))
         )

@@ -64,6 +64,7 @@ def sweep(
     that homofact refuses.
     """
     from homofact.api.sweeping import TogetherResult, sweep
+    from homofact.sweeps.summary import mixes_epsilons
 
     screen = Screen(as_json, quiet)
     with screen.progress() as progress:
@@ -75,6 +76,8 @@ def sweep(
         show_together(found, screen)
     elif not quiet:
         screen.show(summary_table(found.rows))
+        if mixes_epsilons(found.rows):
+            screen.show("These fits have more than one ε. Compare their log errors only between fits of the same ε.")
         screen.show(*(Text(f"set aside: {task.task.words}: {task.reason}") for task in found.aside))
         screen.show(f"{out}: {len(found.rows)} results in results/, {len(found.aside)} set aside")
         if found.site is not None:
@@ -86,7 +89,7 @@ def summary_table(rows: "Sequence[FitRow]") -> Table:
     """Return a line a method: how many fits, and medians over them."""
     from homofact.sweeps.summary import by_label, middle
 
-    table = plain_table("Medians")
+    table = plain_table("Medians over all materials and seeds")
     add_names(table)
     add_figures(table, "fits", "trusted", "bytes", "fit, s", "log mse", "albedo", "peak", "sky dB")
     for label, some in by_label(rows).items():

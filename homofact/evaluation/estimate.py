@@ -95,6 +95,11 @@ class TimeEstimate:
         """Nothing is finished yet."""
         self._jobs = list(jobs)
         self._measured: dict[int, float] = {}
+        self._skipped: set[int] = set()
+
+    def skip(self, place: int) -> None:
+        """The fit at `place` will not be made."""
+        self._skipped.add(place)
 
     def finish(self, place: int, seconds: float) -> None:
         """The fit at `place` is done, now or long ago, and took so many seconds."""
@@ -113,7 +118,7 @@ class TimeEstimate:
     @property
     def left(self) -> int:
         """How many fits are still to do."""
-        return len(self._jobs) - len(self._measured)
+        return len(self._jobs) - len(self._measured.keys() | self._skipped)
 
     @property
     def seconds_left(self) -> float:
@@ -121,7 +126,7 @@ class TimeEstimate:
         return sum(
             seconds * self._factor(name)
             for place, (name, seconds) in enumerate(self._jobs)
-            if place not in self._measured
+            if place not in self._measured and place not in self._skipped
         )
 
     def words(self) -> str:

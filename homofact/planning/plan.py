@@ -200,13 +200,16 @@ def outcome_of(
         cost = fit.nbytes * candidate.texel_bytes // 4, fit.fetches, len(fit.terms)
         errors = [judge.errors(fit, tolerance.kinds) for judge in judges]
     used = [tolerance.used(under) for under in errors]
+    excess = sum(math.log(max(limit.ratio, 1.0)) for under in errors for limit in tolerance.uses(under))
     worst = max(range(len(used)), key=lambda k: used[k].ratio)
     most = used[worst]
     where = "" if most.kind in UNLIT else judges[worst].lighting.name
     trusted = True
     if tolerance.trusted and most.ratio <= 1:
         trusted = fits.verdict(candidate, model).trusted
-    return LadderOutcome(most.ratio if trusted else UNTRUSTED, *cost, most.kind, most.error, where, trusted)
+    if not trusted:
+        return LadderOutcome(UNTRUSTED, *cost, most.kind, most.error, where, trusted)
+    return LadderOutcome(most.ratio, *cost, most.kind, most.error, where, trusted, excess)
 
 
 def plan_material(

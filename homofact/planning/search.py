@@ -43,7 +43,8 @@ class LadderOutcome:
 
     For several limits and lightings, `error` is the largest error relative to its limit; `kind` and `lighting` name
     it, and `value` is the error itself. A rung that meets all limits but is not `trusted`, where it must be, counts as
-    one of the error `UNTRUSTED`.
+    one of the error `UNTRUSTED`. `excess` is the sum of the logarithms of the errors beyond their limits, over all
+    limits and lightings: a limit that nothing meets does not hide the others. None takes that of `error` alone.
     """
 
     error: float
@@ -54,6 +55,13 @@ class LadderOutcome:
     value: float = math.nan
     lighting: str = ""
     trusted: bool = True
+    excess: float | None = None
+
+    @property
+    def beyond(self) -> tuple[float, float]:
+        """How far it is from meeting the tolerance, for comparisons: its `excess`, then its `error`."""
+        alone = math.log(max(self.error, 1.0))
+        return (alone if self.excess is None else self.excess), self.error
 
 
 @dataclass
@@ -93,9 +101,9 @@ def walk(
     """Return the cheapest rung that meets the tolerance within the budget, by asking as few as may be.
 
     Cheapest is fewest bytes, then fewest fetches, then fewest reads of the light (`light_reads` by method). Where
-    none does, `choice` is the one of the least error that is within the budget (None if none is) and `met` is False.
-    `before` is called before each question, with how many more fits it may take, that one among them, where none is
-    likely to meet the tolerance; else with None.
+    none does, `choice` is the one nearest to it (`LadderOutcome.beyond`) that is within the budget (None if none is),
+    and `met` is False. `before` is called before each question, with how many more fits it may take, that one among
+    them, where none is likely to meet the tolerance; else with None.
     """
     reads = light_reads or {}
     state = Walk(tolerance)
@@ -151,7 +159,7 @@ def walk(
         state.asked[question] = ask(question)
     usable = [rung for rung in state.asked if fits_budget(rung)]
     state.met = best is not None
-    state.choice = best if best is not None else min(usable, key=lambda rung: state.asked[rung].error, default=None)
+    state.choice = best if best is not None else min(usable, key=lambda rung: state.asked[rung].beyond, default=None)
     return state
 
 

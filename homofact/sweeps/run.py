@@ -28,17 +28,18 @@ class WorkerEngine(Protocol):
 
 @dataclass
 class State:
-    """How far a sweep is: all its tasks, those done before it began and since, what is set aside by key."""
+    """How far a sweep is: all its tasks, those done before and since, and by key those set aside and to do."""
 
     tasks: list[Task]
     before: int
     done: int
     aside: dict[str, Aside]
+    todo: dict[str, Task]
 
     @property
     def left(self) -> int:
         """How many tasks are still to do."""
-        return len(self.tasks) - self.done - sum(entry.final for entry in self.aside.values())
+        return len(self.todo)
 
 
 def sweep(asked: AskedSweep, folder: Path, engine: WorkerEngine, notify: Notify, retry: bool = False) -> State:
@@ -67,8 +68,8 @@ def sweep_tasks(
             ledger.forgive(aside)
             aside = {}
         done = len(tasks) - len(todo)
-        state = State(tasks, done, done, aside)
         todo = [task for task in todo if task.key not in aside or not aside[task.key].final]
+        state = State(tasks, done, done, aside, {task.key: task for task in todo})
         notify(state, None)
 
         def ended(ending: TaskEnding) -> bool:
@@ -82,8 +83,11 @@ def sweep_tasks(
             else:
                 deaths = ending.deaths + (state.aside[task.key].deaths if task.key in state.aside else 0)
                 state.aside[task.key] = ledger.set_aside(task, str(ending.died), deaths)
+            again = ending.died is not None and not state.aside[task.key].final
+            if not again:
+                state.todo.pop(task.key, None)
             notify(state, ending)
-            return ending.died is not None and not state.aside[task.key].final
+            return again
 
         if todo:
             engine.run(todo, ended)

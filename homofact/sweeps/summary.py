@@ -12,7 +12,10 @@ from homofact.sweeps.ledger import Result, SweepLedger
 
 @dataclass(frozen=True)
 class FitRow:
-    """The figures of one result; a metric that it does not have is None. `trusted` is the verdict's."""
+    """The figures of one result; a metric that it does not have is None. `trusted` is the verdict's.
+
+    Log errors depend on `epsilon`, the ε of the fit: those of two values cannot be compared.
+    """
 
     key: str
     source: str
@@ -22,6 +25,7 @@ class FitRow:
     bytes: int
     fetches: int
     textures: int
+    epsilon: float
     seconds: float
     status: str
     trusted: bool
@@ -52,6 +56,7 @@ def row_of(result: Result) -> FitRow:
         report["bytes"],
         report["fetches"],
         report["textures"],
+        report["epsilon"],
         report["seconds"]["fit"],
         report["status"],
         bool(report["verdict"]["trusted"]),
@@ -65,6 +70,11 @@ def by_label(rows: Iterable[FitRow]) -> dict[str, list[FitRow]]:
     for row in rows:
         grouped.setdefault(row.label, []).append(row)
     return grouped
+
+
+def mixes_epsilons(rows: Iterable[FitRow]) -> bool:
+    """Return whether the rows have more than one ε: then their log errors, and medians of these, are not comparable."""
+    return len({row.epsilon for row in rows}) > 1
 
 
 def middle(rows: Sequence[FitRow], name: str) -> float | None:

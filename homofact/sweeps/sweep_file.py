@@ -167,7 +167,9 @@ def _methods(tables: tuple[SweepMethodTable, ...]) -> "tuple[tuple[str, Method],
         try:
             found[label] = made(table.method, table.settings)
         except BadInput as error:
-            raise error.at(where, ".") from error
+            several = isinstance(table.settings.get(error.where), list | tuple)
+            known = error.with_hint("for several values, write one [[method]] each") if several else error
+            raise known.at(where, ".") from error
     return tuple(found.items())
 
 

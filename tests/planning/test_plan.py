@@ -1,6 +1,7 @@
 """The planner: walks over ladders, laws of the choice, scenes that are refused."""
 
 import math
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -109,6 +110,22 @@ def test_what_cannot_be_met_is_answered_with_the_best() -> None:
     assert found.choice is not None
     assert answers[found.choice].error == min(each.error for each in answers.values())
     assert found.fits <= len(FITS) / 5 + 1
+
+
+def test_a_limit_that_nothing_meets_does_not_hide_the_others() -> None:
+    answers = oracle(1.0)
+    colours = [each for each in answers if each.is_colour]
+    # One colour is the nearest to a hopeless limit by a hair, and misses the other limit by far.
+    for each, found in answers.items():
+        excess = math.log(900.0) + math.log(8.0) if each.is_colour else math.log(1000.0)
+        answers[each] = replace(found, error=900.0 if each.is_colour else 1000.0, excess=excess)
+    found = walked(answers, 1.0)
+    assert not found.met
+    assert found.choice is not None
+    assert found.choice not in colours
+    # Of one limit alone the error decides.
+    assert LadderOutcome(2.0, 1, 1).beyond < LadderOutcome(3.0, 1, 1).beyond
+    assert LadderOutcome(0.2, 1, 1).beyond < LadderOutcome(0.3, 1, 1).beyond
 
 
 def test_a_rung_is_fitted_by_the_effort_and_the_guard_asked_for() -> None:
@@ -259,6 +276,7 @@ def test_all_limits_hold_and_the_one_that_is_met_worst_is_named() -> None:
     parts = {kind: errors.of(kind) * MARGINS[kind] / limit for kind, limit in tolerance.limits}
     assert found.outcome.error == pytest.approx(max(parts.values()))
     assert parts[found.outcome.kind] == max(parts.values())
+    assert found.outcome.excess == pytest.approx(sum(math.log(max(part, 1.0)) for part in parts.values()))
     assert found.walk.met == (max(parts.values()) <= 1)
     mean_alone = plan_material(SceneMaterial("own", 1.0), fits, stages, Tolerance.of(delta_e=4.0), Budget())
     assert mean_alone.outcome is not None

@@ -75,7 +75,7 @@ def test_the_site_is_its_pages_and_every_link_leads_somewhere(made: tuple[Path, 
         assert links(page)
         assert all(each.is_file() for each in links(page)), page
         ids = re.findall(r"id='([0-9a-f]{32})'", page.read_text(encoding="utf-8"))
-        assert ids == [each[8] for each in data["fits"] if data["materials"][each[0]]["page"] == page.stem]
+        assert ids == [each[9] for each in data["fits"] if data["materials"][each[0]]["page"] == page.stem]
     assert "://" not in (site / "index.html").read_text("utf-8").replace("http://www.w3.org/2000/svg", "")
 
 

@@ -186,6 +186,46 @@ def test_the_metric_is_chosen_for_charts_worst_and_changes(page: Any, site: Path
     assert names == [fit.row.key for fit in worst(of_ggx, REPORTED[0])]
 
 
+def best_shown(page: Any) -> list[tuple[str, str]]:
+    """(key of the fit, its figure) of each row of the best."""
+    rows = all_of(page, "#best tbody tr")
+    cells = [row.find_elements("css selector", "th a, td") for row in rows]
+    return [(link.get_attribute("href").partition("#")[2], own[1].text) for link, *own in cells]
+
+
+@pytest.mark.slow
+def test_the_best_fit_of_each_material_is_of_the_metric_and_the_methods_shown(page: Any, site: Path) -> None:
+    fits = read_results(site.parent / "now").fits
+
+    def best(metric: Any, labels: set[str]) -> list[str]:
+        found: dict[str, Any] = {}
+        for fit in (fit for fit in fits if fit.row.label in labels):
+            value = fit.row.metrics[metric.name]
+            rank = (metric.badness(value), fit.row.bytes)
+            if fit.material not in found or rank < found[fit.material][0]:
+                found[fit.material] = rank, fit.row.key
+        return [key for _, key in found.values()]
+
+    for metric in REPORTED:
+        choose(page, "#metric", metric.name)
+        assert [key for key, _ in best_shown(page)] == best(metric, {"ours", "ggx"})
+    choose(page, "#metric", "log_mse")
+    assert [figure for _, figure in best_shown(page)] == ["0.001", "0.007", "0.013"]
+    all_of(page, "#methods button")[0].click()
+    assert [key for key, _ in best_shown(page)] == best(REPORTED[0], {"ggx"})
+    assert not one(page, "#epsilons").is_displayed()
+
+
+@pytest.mark.slow
+def test_fits_of_several_epsilons_are_told_apart(chromium: Any, many: Path) -> None:
+    headless.open_page(chromium, many)
+    choose(chromium, "#metric", "log_mse")
+    assert one(chromium, "#epsilons").is_displayed()
+    assert "ε" in [each.text for each in all_of(chromium, "#table thead th")]
+    choose(chromium, "#metric", "mae")
+    assert not one(chromium, "#epsilons").is_displayed()
+
+
 @pytest.mark.slow
 def test_what_changed_is_counted_and_listed(page: Any) -> None:
     words = one(page, "#comparison-words").text

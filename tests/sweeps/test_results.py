@@ -3,6 +3,7 @@
 import json
 import shutil
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from io import StringIO
 from pathlib import Path
 
@@ -26,7 +27,7 @@ from homofact.sweeps.ledger import SWEEP, SweepLedger
 from homofact.sweeps.local import TaskEnding
 from homofact.sweeps.parcel import packed, unpacked
 from homofact.sweeps.run import State, sweep
-from homofact.sweeps.summary import FitRow, rows_of
+from homofact.sweeps.summary import FitRow, mixes_epsilons, rows_of
 from homofact.sweeps.sweep_file import read_sweep
 from homofact.sweeps.task import Task, tasks_of
 from homofact.sweeps.work import do
@@ -131,7 +132,7 @@ def test_rows_hold_every_metric_of_every_task(swept: Path) -> None:
 def test_a_label_with_its_bytes_fits_beside_the_medians() -> None:
     metrics: dict[str, float | None] = {each.name: 0.000123 if each.name == "log_mse" else 1.02 for each in REPORTED}
     rows = [
-        FitRow(f"{k}", "a.brdf", "a", "search, 12288 B", 0, 12280 + k, 2, 2, 111.4, "direct", k == 0, metrics)
+        FitRow(f"{k}", "a.brdf", "a", "search, 12288 B", 0, 12280 + k, 2, 2, 1e-5, 111.4, "direct", k == 0, metrics)
         for k in (0, 16)
     ]
     console = Console(width=80, file=StringIO())
@@ -139,6 +140,14 @@ def test_a_label_with_its_bytes_fits_beside_the_medians() -> None:
     assert isinstance(console.file, StringIO)
     (line,) = [line for line in console.file.getvalue().splitlines() if "search" in line]
     assert line.split() == ["search,", "12288", "B", "2", "1", "12288", "111", "0.000123", *["1.02"] * 3]
+
+
+def test_rows_of_several_epsilons_are_told(swept: Path) -> None:
+    rows = rows_of(swept / "sweep")
+    reports = [each.report for each in SweepLedger(swept / "sweep").results()]
+    assert [row.cells()["epsilon"] for row in rows] == [report["epsilon"] for report in reports]
+    assert not mixes_epsilons(rows)
+    assert mixes_epsilons([*rows, replace(rows[0], epsilon=1e-3)])
 
 
 @pytest.mark.slow

@@ -107,6 +107,16 @@ def test_a_folder_is_told_by_its_files_and_their_names(tmp_path: Path) -> None:
     assert source_digest(str(place)) != before
 
 
+def test_a_list_for_one_setting_is_told_how_to_ask_for_several(tmp_path: Path) -> None:
+    hints = []
+    for value in ("[1, 2]", "0"):
+        with pytest.raises(BadInput) as refusal:
+            read_sweep(written(tmp_path, f'{MATERIALS_ALL}[[method]]\nmethod = "search"\ntextures = {value}\n'))
+        assert refusal.value.where.endswith("method[0].textures")
+        hints.append("[[method]]" in refusal.value.hint)
+    assert hints == [True, False]
+
+
 MATERIALS_ALL = 'sources = ["material:*"]\n'
 
 

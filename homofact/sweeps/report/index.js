@@ -3,24 +3,25 @@
 const NAMES = new Intl.Collator("en", { numeric: true, sensitivity: "base" });
 
 function fitOf(data, several) {
-  return ([material, label, seed, bytes, seconds, fetches, textures, trusted, key, viewer, ...figures], number) => ({
-    number, material: data.materials[material], label, method: data.labels[label], seed, bytes, seconds, fetches, textures,
+  return ([material, label, seed, bytes, seconds, fetches, textures, epsilon, trusted, key, viewer, ...figures], number) => ({
+    number, material: data.materials[material], label, method: data.labels[label], seed, bytes, seconds, fetches, textures, epsilon,
     trusted: Boolean(trusted), key, viewer, figures, words: several ? `, seed ${seed}` : "",
   });
 }
 
-function columnsOf(data, several) {
+function columnsOf(data, several, epsilons) {
   const number = (title, wide, value, cell = value, hint = null) => ({ title, wide, hint, value, cell: (fit) => String(cell(fit)) });
   return [
-    { title: "Material", wide: 150, left: true, value: (fit) => fit.material.name, cell: (fit) => element("a", { href: addressOf(fit), tabindex: "-1" }, fit.material.name) },
-    { title: "Method", wide: 130, left: true, value: (fit) => fit.method, cell: (fit) => element("span", { title: fit.method }, keyOf(fit.label), fit.method) },
-    ...(several ? [number("Seed", 54, (fit) => fit.seed)] : []),
-    number("Bytes", 72, (fit) => fit.bytes, (fit) => whole(fit.bytes)),
-    number("Fit, s", 60, (fit) => fit.seconds, (fit) => figure(fit.seconds)),
+    { title: "Material", wide: 140, left: true, value: (fit) => fit.material.name, cell: (fit) => element("a", { href: addressOf(fit), tabindex: "-1" }, fit.material.name) },
+    { title: "Method", wide: 120, left: true, value: (fit) => fit.method, cell: (fit) => element("span", { title: fit.method }, keyOf(fit.label), fit.method) },
+    ...(several ? [number("Seed", 52, (fit) => fit.seed)] : []),
+    number("Bytes", 66, (fit) => fit.bytes, (fit) => whole(fit.bytes)),
+    number("Fit, s", 62, (fit) => fit.seconds, (fit) => figure(fit.seconds)),
     number("Fetches", 64, (fit) => fit.fetches),
+    ...(epsilons.size > 1 ? [number("ε", 62, (fit) => fit.epsilon, (fit) => figure(fit.epsilon), "ε of the fit's logarithms")] : []),
     number("Trusted", 62, (fit) => Number(fit.trusted), (fit) => (fit.trusted ? "yes" : "no")),
-    ...data.metrics.map((metric, k) => number(metric.words.replace(", fit over source", "").replace(", held out", ""), 84, (fit) => fit.figures[k], (fit) => figure(fit.figures[k]), metric.words)),
-    ...(data.fits.some((each) => each[9]) ? [{ title: "Viewer", wide: 60, value: (fit) => Number(Boolean(fit.viewer)), cell: (fit) => (fit.viewer ? element("a", { href: `fits/${fit.viewer}`, tabindex: "-1" }, "open") : "–") }] : []),
+    ...data.metrics.map((metric, k) => number(metric.words.replace(", fit over source", "").replace(", held out", ""), 79, (fit) => fit.figures[k], (fit) => figure(fit.figures[k]), metric.words)),
+    ...(data.fits.some((each) => each[10]) ? [{ title: "Viewer", wide: 56, value: (fit) => Number(Boolean(fit.viewer)), cell: (fit) => (fit.viewer ? element("a", { href: `fits/${fit.viewer}`, tabindex: "-1" }, "open") : "–") }] : []),
   ];
 }
 
@@ -29,11 +30,12 @@ function begin() {
   const byId = (name) => document.getElementById(name);
   const several = new Set(data.fits.map((each) => each[2])).size > 1;
   const fits = data.fits.map(fitOf(data, several));
+  const epsilons = new Set(fits.map((fit) => fit.epsilon));
   const metrics = data.metrics.map((metric, index) => ({ ...metric, index }));
   const state = { metric: metrics[0], methods: new Set(data.labels.keys()), find: "" };
   const bytes = new Plot(byId("bytes-plot"), (fit) => fit.bytes, "bytes of textures", whole);
   const seconds = new Plot(byId("seconds-plot"), (fit) => fit.seconds, "seconds of fitting", figure);
-  const table = new FitTable(byId("table"), columnsOf(data, several));
+  const table = new FitTable(byId("table"), columnsOf(data, several, epsilons));
 
   const chosen = () => fits.filter((fit) => state.methods.has(fit.label));
   const drawTable = () => {
@@ -45,6 +47,8 @@ function begin() {
   const drawWorst = () => fillWorst(byId("worst"), data.worst[state.metric.name][Number(byId("worst-of").value)].map((k) => fits[k]), state.metric);
   const drawMetric = () => {
     for (const plot of [bytes, seconds]) plot.draw(chosen(), state.metric);
+    fillBest(byId("best"), chosen(), state.metric);
+    byId("epsilons").hidden = epsilons.size < 2 || !state.metric.log;
     drawWorst();
     fillComparison(data, fits, state.metric);
   };
@@ -66,6 +70,7 @@ function begin() {
       if (!state.methods.delete(label)) state.methods.add(label);
       button.setAttribute("aria-pressed", String(state.methods.has(label)));
       for (const plot of [bytes, seconds]) plot.draw(chosen(), state.metric);
+      fillBest(byId("best"), chosen(), state.metric);
       drawTable();
     });
     byId("methods").append(button);

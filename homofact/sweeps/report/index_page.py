@@ -44,7 +44,10 @@ def index_data(
     places = {material["page"]: k for k, material in enumerate(materials)}
     numbers = {fit.row.key: k for k, fit in enumerate(sweep.fits)}
     return {
-        "metrics": [{"name": metric.name, "words": metric.words, "good": metric.good} for metric in REPORTED],
+        "metrics": [
+            {"name": metric.name, "words": metric.words, "good": metric.good, "log": metric.domain == "log"}
+            for metric in REPORTED
+        ],
         "labels": labels,
         "materials": materials,
         "fits": [_fit(fit, places[fit.material], labels, shown[fit.row.key]) for fit in sweep.fits],
@@ -63,7 +66,16 @@ def index_data(
 def _fit(fit: ReportedFit, material: int, labels: Sequence[str], shown: FitFiles) -> list[Any]:
     row = fit.row
     figures = [_short(row.metrics[metric.name]) for metric in REPORTED]
-    known = [material, labels.index(row.label), row.seed, row.bytes, _short(row.seconds), row.fetches, row.textures]
+    known = [
+        material,
+        labels.index(row.label),
+        row.seed,
+        row.bytes,
+        _short(row.seconds),
+        row.fetches,
+        row.textures,
+        row.epsilon,
+    ]
     return [*known, int(row.trusted), row.key, shown.viewer or "", *figures]
 
 

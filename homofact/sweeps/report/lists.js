@@ -1,12 +1,34 @@
-// The smaller parts of the page: medians, the worst, what changed, what was set aside, the files.
+// The smaller parts of the page: the best of each material, medians, the worst, what changed, what was set aside, the files.
 
-const MOST_CHANGES = 50;
+const MOST_CHANGES = 50, MOST_BEST = 200;
 
 function plainTable(titles, rows) {
-  const head = titles.map((title) => element("th", { scope: "col" }, title));
+  const head = titles.map((title, k) => element("th", { scope: "col", class: rows[0]?.[k]?.className === "left" ? "left" : null }, title));
   const lines = rows.map(([first, ...rest]) =>
     element("tr", {}, element("th", { scope: "row" }, first), ...rest.map((each) => (each instanceof Node && each.nodeName === "TD" ? each : element("td", {}, each)))));
   return element("table", { class: "plain" }, element("thead", {}, element("tr", {}, ...head)), element("tbody", {}, ...lines));
+}
+
+/** Greater where a figure is worse; of a ratio that should be 1, its distance from 1 either way. */
+function badness(metric, value) {
+  if (metric.good === "one") return value > 0 ? Math.max(value, 1 / value) : Infinity;
+  return metric.good === "low" ? value : -value;
+}
+
+/** A row a material: the fit with the best figure, of equal ones that of fewest bytes. */
+function fillBest(place, fits, metric) {
+  const best = new Map();
+  for (const fit of fits) {
+    const value = fit.figures[metric.index];
+    if (value === null) continue;
+    const rank = [badness(metric, value), fit.bytes], known = best.get(fit.material.page);
+    if (!known || rank[0] < known.rank[0] || (rank[0] === known.rank[0] && rank[1] < known.rank[1])) best.set(fit.material.page, { fit, rank });
+  }
+  const rows = [...best.values()].slice(0, MOST_BEST).map(({ fit }) => [
+    link(fit, fit.material.name), element("td", { class: "left" }, keyOf(fit.label), `${fit.method}${fit.words}`),
+    figure(fit.figures[metric.index]), whole(fit.bytes), figure(fit.seconds), fit.trusted ? "yes" : "no"]);
+  place.replaceChildren(plainTable(["Material", "Method", metric.words, "Bytes", "Fit, s", "Trusted"], rows));
+  if (best.size > MOST_BEST) place.append(element("p", { class: "quiet" }, `${whole(best.size - MOST_BEST)} more are in fits.csv.`));
 }
 
 function fillMedians(place, data) {
