@@ -28,6 +28,7 @@ WHITE_STANDARD = (
 )
 
 # Of the spread along the normal: less is noise, and not told.
+_NO_TILT = "a tilt of the sample was not looked for: that needs a whole table of an isotropic material, not a list"
 _LEAST_SPREAD = 0.15
 
 
@@ -140,8 +141,10 @@ def info(source: Any, *, plot: Place | None = None, seed: int = 0, progress: Pro
     rows["faults"] = _faults_in_words(facts["faults"])
     if subject.kind == "drawn":
         rows["kind"] = "table or network; homofact draws the samples from it"
-    mended = tuple(mending_lines(subject.samples.provenance, looked_for=True))
-    return InfoResult(subject.name, subject.kind, facts, rows, mended, tuple(suspected), asked)
+    mended = mending_lines(subject.samples.provenance, looked_for=True)
+    if subject.kind == "measurement" and "tilt" not in subject.samples.provenance:
+        mended.append(_NO_TILT)
+    return InfoResult(subject.name, subject.kind, facts, rows, tuple(mended), tuple(suspected), asked)
 
 
 def _faults_in_words(faults: dict[str, Any]) -> dict[str, Any]:

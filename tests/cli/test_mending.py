@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 import torch
 
+from homofact import info
 from homofact.brdf.formats import csv, read_samples
 from homofact.brdf.materials import material
 from homofact.brdf.samples import Samples
@@ -75,3 +76,9 @@ def test_info_says_the_gains_and_svd_takes_no_bounds(
     assert main(line) == 2
     assert "clipped: svd takes no values as bounds, expected search, cole or mccool" in capsys.readouterr().err
     assert not (tmp_path / "o").exists()
+
+
+def test_info_says_that_no_tilt_was_looked_for_in_a_list_and_only_there(paint: Path) -> None:
+    said = info(paint).mended
+    assert [line for line in said if "not looked for" in line] == list(said) != []
+    assert info("material:phong-30").mended == ()
