@@ -16,7 +16,7 @@ def load(path: str | os.PathLike[str]) -> Fit:
 
     Returns
     -------
-    The fit; of a result's folder with the report and the verdict of its report.json.
+    The fit, with its report and its verdict where the file or the folder's report.json has them.
 
     Raises
     ------

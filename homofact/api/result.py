@@ -9,6 +9,7 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -19,6 +20,9 @@ from homofact.evaluation.bar.error_bar import ErrorBar, ErrorBars
 from homofact.evaluation.wording import trust_in_words
 from homofact.factor.evaluation import Evaluation
 from homofact.factor.spectral_fit import SpectralFit
+from homofact.files.archive import add_record
+from homofact.files.atomic import replace_file
+from homofact.files.plain import plain as plain_json
 from homofact.shading.encoded import plain
 from homofact.shading.on_arrays import ModelOnArrays, OnArrays, TexturesOnArrays
 from homofact.shading.program import Program, program_of
@@ -264,8 +268,19 @@ class Fit:
         return self.factorization.describe()
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the one .npz file that `homofact.load` reads back. Raises BadInput for an unwritable place."""
-        self.factorization.save(path)
+        """Write the one .npz file that `homofact.load` reads back, with the verdict and how the search ended.
+
+        The seconds of the search are not kept, so that equal fits are equal files. Raises BadInput for an unwritable
+        place.
+        """
+        record = _record(self)
+
+        def write(place: Path) -> None:
+            self.factorization.save(place)
+            if record:
+                add_record(place, record)
+
+        replace_file(path, write)
 
     def export(self, to: str | os.PathLike[str], **settings: Any) -> Any:
         """Write textures, shaders and manifest for an engine to a folder: `homofact.export` of this fit."""
@@ -318,11 +333,21 @@ def with_record(fit: Fit, record: Mapping[str, Any]) -> Fit:
     return replace(fit, report=_report(record), verdict=RecordedVerdict.of(record.get("verdict")))
 
 
+def _record(fit: Fit) -> dict[str, Any]:
+    """What `with_record` reads: the ending, the work and the verdict of a fit, as far as it has them."""
+    found: dict[str, Any] = {}
+    if fit.report is not None:
+        report = fit.report
+        found |= {"status": report.status.value, "evaluations": report.evaluations, "seed": report.seed}
+    record = getattr(fit.verdict, "record", None)
+    return plain_json(found if record is None else found | {"verdict": record()})
+
+
 def _report(record: Mapping[str, Any]) -> Report | None:
     seconds = record.get("seconds")
     try:
         status, evaluations, seed = Status(record["status"]), int(record["evaluations"]), int(record["seed"])
-        took = float(seconds["fit"]) if isinstance(seconds, Mapping) else 0.0
+        took = float(seconds["fit"]) if isinstance(seconds, Mapping) else float("nan")
     except (KeyError, TypeError, ValueError):
         return None
     # The record keeps no count of iterations and no objective.

@@ -11,7 +11,7 @@ from typing import Any
 
 from homofact.exporting.exported_reader import MANIFEST, is_export, open_exported
 from homofact.factor.fitted import Fitted
-from homofact.files.archive import saved_file
+from homofact.files.archive import read_added_record, saved_file
 from homofact.files.folder import check_new_folder, kept, write_folder
 from homofact.files.kinds import FACTORIZATION, RESULT
 from homofact.methods.saved import open_saved
@@ -63,11 +63,16 @@ def open_result(place: str | os.PathLike[str]) -> Fitted:
 
 
 def read_record(place: str | os.PathLike[str]) -> dict[str, Any]:
-    """Return what report.json says of a result, given by its folder or its saved fit; empty where none can be read."""
+    """Return what is recorded of a fit, given by its folder or its file; empty where nothing can be read.
+
+    A folder has it in report.json, which goes before what the file of its fit holds; any other file in itself.
+    """
     path = Path(place)
+    if path.name != FACTORIZATION and path.is_file():
+        return read_added_record(path)
     folder = path.parent if path.name == FACTORIZATION else path
     try:
         found = json.loads((folder / REPORT).read_text(encoding="utf-8"))
     except (OSError, ValueError):
-        return {}
+        return read_added_record(path) if path.is_file() else {}
     return found if isinstance(found, dict) else {}

@@ -4,7 +4,8 @@ numpy's own reader believes a member's header and allocates what it says. Here t
 numpy writes, its shape must fill exactly what the zip's directory says the member unpacks to, and what is unpacked is
 bounded by the archive's own size: every size is checked against the file before anything is allocated.
 
-A saved fit is an .npz of plain arrays, one of them a JSON header with format and version.
+A saved fit is an .npz of plain arrays, one of them a JSON header with format and version. A fit that was judged has
+one more, a JSON record of how it was made and of its verdict.
 """
 
 import io
@@ -29,6 +30,7 @@ from homofact.files.private import clean
 from homofact.files.reading import parsed_json, read_bytes
 
 _FIT = "the .npz of a fit"
+_RECORD = "record"
 
 # Deflate can shrink zeros a thousandfold: more than this beside the file itself is refused.
 _SLACK = 64 * 2**20
@@ -140,6 +142,23 @@ def saved_file(place: str | os.PathLike[str], *others: str) -> Path:
 def write_archive(path: str | os.PathLike[str], header: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
     """Write a fit's arrays and JSON-able header. Raises BadInput for an unwritable place."""
     write_arrays(path, arrays | {"header": np.array(json.dumps(header))})
+
+
+def add_record(path: str | os.PathLike[str], record: dict[str, Any]) -> None:
+    """Add a JSON-able record to the file of a saved fit; one that is there is replaced."""
+    raw = read_bytes(path, _FIT)
+    arrays = read_arrays(path, raw, member_names(path, raw, _FIT), _FIT)
+    write_arrays(path, arrays | {_RECORD: np.array(json.dumps(record))})
+
+
+def read_added_record(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """Return the record that `add_record` put into a file; empty where none can be read."""
+    try:
+        text = read_arrays(path, read_bytes(path, _FIT), [_RECORD], _FIT).get(_RECORD)
+        found = None if text is None or text.shape != () or text.dtype.kind != "U" else parsed_json(str(text))
+    except ValueError:
+        return {}
+    return found if isinstance(found, dict) else {}
 
 
 def read_archive(path: str | os.PathLike[str]) -> tuple[dict[str, np.ndarray], dict[str, Any]]:

@@ -63,9 +63,12 @@ def test_an_estimated_error_is_a_range(tmp_path: Path) -> None:
         assert (float(low), float(high)) == pytest.approx((bar["low"], bar["high"]), rel=5e-3)
 
 
-def test_a_saved_file_is_a_fit_and_its_bars_stay_in_its_folder(result: Path, tmp_path: Path) -> None:
+def test_a_saved_file_has_its_bars_where_it_was_saved_with_them(result: Path, tmp_path: Path) -> None:
     assert "bars" in homofact.info(result / "factorization.npz").facts
-    homofact.load(result).save(tmp_path / "alone.npz")
+    homofact.load(result).save(tmp_path / "kept.npz")
+    kept, whole = (homofact.info(place).facts for place in (tmp_path / "kept.npz", result))
+    assert (kept["bars"], kept["verdict"]) == (whole["bars"], whole["verdict"])
+    homofact.load(result).factorization.save(tmp_path / "alone.npz")
     alone = homofact.info(tmp_path / "alone.npz")
     assert alone.kind == "fit"
     assert "bars" not in alone.facts

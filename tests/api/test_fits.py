@@ -1,5 +1,6 @@
 """The library from Python: methods as objects, what a fit carries, arrays and lists, and what loading costs."""
 
+import math
 import subprocess
 import sys
 from dataclasses import fields, replace
@@ -67,6 +68,41 @@ def test_every_method_fits_and_its_fit_carries_report_and_verdict(name: str, sou
     assert torch.equal(back.evaluate(wi, wo), values)
     # The saved fit tells the method that made it, whole.
     assert settings_of(back) == replace(method, epsilon=source.default_epsilon)
+
+
+def test_a_saved_fit_keeps_its_verdict_and_how_its_search_ended(source: Source, tmp_path: Path) -> None:
+    fit = homofact.fit(source, quick("mccool"))
+    fit.save(tmp_path / "fit.npz")
+    back = homofact.load(tmp_path / "fit.npz")
+    assert fit.verdict is not None
+    assert back.verdict is not None
+    assert (back.verdict.trusted, back.verdict.summary) == (fit.verdict.trusted, fit.verdict.summary)
+    assert [each["name"] for each in back.verdict.findings] == [each.name for each in fit.verdict.findings]
+    for quantity, theta in (("albedo", None), ("albedo", 45), ("highlight", None)):
+        assert back.interval(quantity, theta) == fit.interval(quantity, theta)
+    assert fit.report is not None
+    assert back.report is not None
+    assert (back.report.status, back.report.evaluations) == (fit.report.status, fit.report.evaluations)
+    assert math.isnan(back.report.seconds)
+    # Equal fits are equal files, also of one that took another time, or was read back.
+    back.save(tmp_path / "again.npz")
+    homofact.fit(source, quick("mccool")).save(tmp_path / "other.npz")
+    files = {(tmp_path / name).read_bytes() for name in ("fit.npz", "again.npz", "other.npz")}
+    assert len(files) == 1
+    # What nobody judged has no verdict in its file.
+    fit.with_textures([texture.texels for texture in fit.textures]).save(tmp_path / "bare.npz")
+    bare = homofact.load(tmp_path / "bare.npz")
+    assert (bare.verdict, bare.report) == (None, None)
+
+
+@pytest.mark.parametrize("record", ["{", "[1]", '{"verdict": 3, "status": "gone"}', '{"verdict": {"trusted": "yes"}}'])
+def test_a_record_that_says_nothing_is_passed_over(source: Source, tmp_path: Path, record: str) -> None:
+    path = tmp_path / "fit.npz"
+    homofact.fit(source, quick("mccool")).save(path)
+    with np.load(path) as archive:
+        arrays = dict(archive)
+    np.savez(path, **arrays | {"record": np.array(record)})
+    assert (homofact.load(path).verdict, homofact.load(path).report) == (None, None)
 
 
 def test_what_is_there_is_said_of_no_method_it_does_not_have() -> None:
