@@ -18,6 +18,7 @@ from homofact.evaluation.metrics import measure
 from homofact.evaluation.reopening import settings_of
 from homofact.factor.factorization import Factorization
 from homofact.factor.fitted import Fitted
+from homofact.files.archive import read_archive, write_archive
 from homofact.geometry.directions import draw_uniform
 from homofact.methods.method import Method
 from homofact.methods.table import (
@@ -99,9 +100,8 @@ def test_a_saved_fit_keeps_its_verdict_and_how_its_search_ended(source: Source, 
 def test_a_record_that_says_nothing_is_passed_over(source: Source, tmp_path: Path, record: str) -> None:
     path = tmp_path / "fit.npz"
     homofact.fit(source, quick("mccool")).save(path)
-    with np.load(path) as archive:
-        arrays = dict(archive)
-    np.savez(path, **arrays | {"record": np.array(record)})
+    arrays, header = read_archive(path)
+    write_archive(path, header, arrays | {"record": np.array(record)})
     assert (homofact.load(path).verdict, homofact.load(path).report) == (None, None)
 
 
