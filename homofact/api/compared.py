@@ -145,7 +145,10 @@ class CompareResult:
                     "sources": row.sources,
                     "fits": row.fits,
                     "epsilon": row.epsilon,
-                    "metrics": {name: spread and spread.record() for name, spread in row.spreads.items()},
+                    "metrics": {
+                        name: spread and spread.record() | {"of_seeds": row.of_seeds[name]}
+                        for name, spread in row.spreads.items()
+                    },
                 }
                 for row in self.means()
             ]

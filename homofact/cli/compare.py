@@ -52,9 +52,9 @@ def compare(
 
     For several sources, and with --csv or --latex, it gives means and
     standard deviations over sources and seeds, by method and bytes. With
-    --bytes, search fills them, mccool and cole get the largest size within
-    them, and other methods keep their size. After Ctrl-C it prints the
-    finished comparisons and exits with code 130.
+    --bytes, search fills them, and mccool, cole, svd and nmf get the largest
+    size within them; models have no textures to size. After Ctrl-C it prints
+    the finished comparisons and exits with code 130.
 
     If the SOURCES are folders of fits, it compares these fits with their
     source, on the same samples; --plot FILE.png draws them.

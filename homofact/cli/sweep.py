@@ -64,7 +64,6 @@ def sweep(
     that homofact refuses.
     """
     from homofact.api.sweeping import TogetherResult, sweep
-    from homofact.sweeps.summary import mixes_epsilons
 
     screen = Screen(as_json, quiet)
     with screen.progress() as progress:
@@ -75,6 +74,8 @@ def sweep(
     if isinstance(found, TogetherResult):
         show_together(found, screen)
     elif not quiet:
+        from homofact.sweeps.summary import mixes_epsilons
+
         screen.show(summary_table(found.rows))
         if mixes_epsilons(found.rows):
             screen.show("These fits have more than one ε. Compare their log errors only between fits of the same ε.")

@@ -208,7 +208,7 @@ def metric_tables(values: Mapping[str, Mapping[str, float | None]]) -> list[Tabl
 
 
 def mean_table(rows: "Sequence[MeanRow]") -> Table:
-    """Means over sources and seeds by method and bytes: a line a metric, mean ± standard deviation."""
+    """Means over sources and seeds by method and bytes: a line a metric, with both deviations."""
     from homofact.evaluation.metric_table import METRICS
 
     fits = max(row.fits for row in rows)
@@ -217,14 +217,17 @@ def mean_table(rows: "Sequence[MeanRow]") -> Table:
     add_names(table)
     add_figures(table, "bytes", "fits")
     add_names(table, "metric")
-    add_figures(table, "mean", "±")
+    several = any(row.sources > 1 for row in rows)
+    two = any(value is not None for row in rows for value in row.of_seeds.values())
+    add_figures(table, "mean", *(("± sources",) if several else ()), *(("± seeds",) if two or not several else ()))
     for row in rows:
         about = [Text(row.method), str(row.nbytes), str(row.fits)]
         for name, spread in row.spreads.items():
             unit = METRICS[name].unit
-            numbers = (
-                ("–", "") if spread is None else (figure(spread.mean), _deviation(spread.record()).removeprefix("± "))
-            )
+            own, seeds = spread and spread.deviation, row.of_seeds[name]
+            over = (own if row.sources > 1 else None, seeds if row.sources > 1 else own)
+            kept = (over[0],) * several + (over[1],) * (two or not several)
+            numbers = ("–" if spread is None else figure(spread.mean), *("" if x is None else figure(x) for x in kept))
             table.add_row(*about, f"{name}, {unit}" if unit else name, *numbers)
             about = ["", "", ""]
         table.add_section()

@@ -1,6 +1,6 @@
 """The LaTeX table of a comparison's means: a tabular for booktabs with comments on sources and methods.
 
-Deviations have one or two digits, and means are rounded alike. Where a number of a column is below 0.001 or
+Means have three digits or more, and deviations are rounded alike. Where a number of a column is below 0.001 or
 from 100,000 on, all its numbers have the same power of ten, which is in its head, unless they are too far apart for
 one.
 """
@@ -49,6 +49,7 @@ def latex_of(fits: Sequence[MeasuredFit], by_source: bool = False) -> str:
     sources = {fit.source for fit in fits}
     seeds = sorted({fit.seed for fit in fits})
     of = f"{counted(len(sources), 'source')} and {counted(len(seeds), 'seed')} ({', '.join(map(str, seeds))})"
+    two = any(value is not None for row in rows for value in row.of_seeds.values())
     lines = [
         f"% homofact {__version__}: mean and standard deviation over the fits to {of}, on held-out samples.",
         *(
@@ -64,7 +65,8 @@ def latex_of(fits: Sequence[MeasuredFit], by_source: bool = False) -> str:
         *_grouped(groups, rows[0], powers),
         *(_line(row, powers) for row in rows),
         r"\bottomrule",
-        *_marked(fits, len(metrics) + 4),
+        *([_note(r"$\pm$: over the sources; in parentheses: over the seeds of a source.", rows[0])] if two else []),
+        *_marked(fits, rows[0]),
         r"\end{tabular}",
     ]
     return "\n".join(lines) + "\n"
@@ -84,16 +86,19 @@ def _grouped(groups: Sequence[tuple[str, list[MeanRow]]], row: MeanRow, powers: 
     return [*lines, _across("All sources", row)] if groups else []
 
 
-def _marked(fits: Sequence[MeasuredFit], columns: int) -> list[str]:
+def _note(words: str, row: MeanRow) -> str:
+    """A line under a table, over all its columns."""
+    return _across(rf"\footnotesize {words}", row)
+
+
+def _marked(fits: Sequence[MeasuredFit], row: MeanRow) -> list[str]:
     """The line under a table that says what marks its methods; none where no fit is marked."""
     marked = [fit for fit in fits if not fit.is_reciprocal]
     if not marked:
         return []
     most = max(fit.swapped for fit in marked)
-    words = rf"\footnotesize {_MARK} Not reciprocal: swapping light and viewer changes up to {most:.0%}".replace(
-        "%", r"\%"
-    )
-    return [rf"\multicolumn{{{columns}}}{{l}}{{{words} of the light.}} \\"]
+    share = f"{most:.0%}".replace("%", r"\%")
+    return [_note(f"{_MARK} Not reciprocal: swapping light and viewer changes up to {share} of the light.", row)]
 
 
 def _across(words: str, row: MeanRow) -> str:
@@ -161,7 +166,7 @@ def sources_in_words(fits: Sequence[MeasuredFit]) -> list[str]:
 
 def _line(row: MeanRow, powers: Mapping[str, int | None]) -> str:
     mark = f"$^{{{_MARK.strip('$')}}}$" if row.not_reciprocal else ""
-    numbers = (_cell(spread, powers[name]) for name, spread in row.spreads.items())
+    numbers = (_cell(spread, row.of_seeds[name], powers[name]) for name, spread in row.spreads.items())
     cells = [escaped(_method(row.method)) + mark, str(row.nbytes), str(row.fetches), str(row.fits), *numbers]
     return " & ".join(cells) + r" \\"
 
@@ -178,21 +183,27 @@ def escaped(text: str) -> str:
 
 
 def rounded(mean: float, deviation: float | None, power: int | None = None) -> tuple[str, str, int]:
-    """Return (mean, standard deviation, n) in as many digits as the deviation deserves, both to be taken times 10ⁿ.
+    """Return (mean, standard deviation, n), rounded alike, both to be taken times 10ⁿ.
 
-    The deviation has one digit, two where the first is 1; without one, or where it is 0, the mean has three. n is
-    `power`; where that is None, 0 if the mean is readable without.
+    The mean has three digits, for methods are compared by their means, on sources that may be far apart; more where the
+    deviation's first digit needs them (the first two where it is 1), and fewer where these would be more than two
+    behind it. n is `power`; where that is None, 0 if the mean is readable without.
     """
     if power is None:
         power = _own_power(mean, deviation)
         power = 0 if -3 <= power < 5 else power
+    digits = 2 - (math.floor(math.log10(abs(mean))) if mean else 0)
     if not deviation:
-        digits = 2 - (math.floor(math.log10(abs(mean))) if mean else 0)
         return _fixed(mean, digits + power, power), "" if deviation is None else "0", power
+    digits = min(max(digits, _digits(deviation)), _digits(deviation) + 2)
+    return _fixed(mean, digits + power, power), _fixed(deviation, digits + power, power), power
+
+
+def _digits(deviation: float) -> int:
+    """How many digits behind the point a deviation deserves."""
     # Its first digit as it is rounded: that of 0.0996 is a 1.
     kept = Decimal(f"{deviation:.1e}")
-    digits = (1 if kept.as_tuple().digits[0] == 1 else 0) - kept.adjusted()
-    return _fixed(mean, digits + power, power), _fixed(deviation, digits + power, power), power
+    return (1 if kept.as_tuple().digits[0] == 1 else 0) - kept.adjusted()
 
 
 def _own_power(mean: float, deviation: float | None) -> int:
@@ -208,8 +219,11 @@ def _fixed(value: float, digits: int, power: int) -> str:
     return f"{digits_kept:f}" if digits >= 0 else f"{int(digits_kept)}"
 
 
-def _cell(spread: Spread | None, power: int | None) -> str:
-    """A cell of a column whose head has the `power` of ten; of None each cell has its own."""
+def _cell(spread: Spread | None, of_seeds: float | None, power: int | None) -> str:
+    """A cell of a column whose head has the `power` of ten; of None each cell has its own.
+
+    The deviation `of_seeds` stands behind it in parentheses.
+    """
     if spread is None or math.isnan(spread.mean):
         return "--"
     if math.isinf(spread.mean):
@@ -217,6 +231,8 @@ def _cell(spread: Spread | None, power: int | None) -> str:
     own = _own_power(spread.mean, spread.deviation) if power is None else power
     mean, deviation, _ = rounded(spread.mean, spread.deviation, own)
     both = rf"{mean} \pm {deviation}" if deviation else mean
+    if of_seeds is not None:
+        both += rf"\;({_fixed(of_seeds, _digits(of_seeds) + own, own) if of_seeds else '0'})"
     if power is not None:
         return f"${both}$"
     return rf"$({both}) \times 10^{{{own}}}$" if deviation else rf"${both} \times 10^{{{own}}}$"

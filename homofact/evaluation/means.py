@@ -2,12 +2,14 @@
 
 Fits are gathered by method and bytes, since an error is only to be compared at equal bytes: a method whose fits to some
 sources take fewer bytes has several rows. Fits that were to take so many bytes count as equal, though they fill them
-differently; their row has the bytes and fetches of the largest. The standard deviation is that of a sample (n − 1),
-over all fits of a row.
+differently; their row has the bytes and fetches of the largest. Standard deviations are those of a sample (n − 1).
+Sources differ far more than seeds, so a row over several sources has two: that of the sources' means over their seeds,
+and that of the seeds of a source, √(mean of the variances) over the sources.
 """
 
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from statistics import fmean
 from typing import Any
 
@@ -19,8 +21,8 @@ from homofact.files.tables import csv_text
 from homofact.methods.known_mixes import DESCENDING
 
 _COLUMNS = (
-    "source", "method", "bytes", "fetches", "sources", "fits", "metric", "unit", "mean", "standard_deviation", "min",
-    "max", "epsilon",
+    "source", "method", "bytes", "fetches", "sources", "fits", "metric", "unit", "mean", "standard_deviation",
+    "of_seeds", "min", "max", "epsilon",
 )  # fmt: skip
 # Metrics of the log transform, whose values depend on its ε.
 OF_EPSILON = ("log_mse", "log_mae", "log_max")
@@ -68,8 +70,10 @@ class MeasuredFit:
 class MeanRow:
     """All fits by one method in so many bytes: of a source, or of all ("").
 
-    `spreads` are by metric; None where some fit has no number. `epsilon` is None where fits have different ones.
-    `not_reciprocal` counts the fits in which light and viewer may not be swapped.
+    `spreads` are by metric; None where some fit has no number. Over several sources, their deviations are those of
+    the sources' means, and `of_seeds` has those of the seeds of a source, by metric; None where no source has two.
+    `epsilon` is None where fits have different ones. `not_reciprocal` counts the fits in which light and viewer may not
+    be swapped.
     """
 
     source: str
@@ -80,6 +84,7 @@ class MeanRow:
     fits: int
     epsilon: float | None
     spreads: dict[str, Spread | None]
+    of_seeds: dict[str, float | None]
     not_reciprocal: int = 0
 
 
@@ -134,12 +139,15 @@ def mean_rows(fits: Sequence[MeasuredFit], source: str = "") -> list[MeanRow]:
         for group in sorted({fit.group for fit in own if fit.method == method}):
             some = [fit for fit in own if fit.group == group]
             nbytes = max(fit.nbytes for fit in some)
-            spreads = {name: _spread([fit.values[name] for fit in some]) for name in some[0].values}
+            both = {name: _spreads([(fit.source, fit.values[name]) for fit in some]) for name in some[0].values}
+            spreads, of_seeds = ({name: pair[k] for name, pair in both.items()} for k in (0, 1))
             sources, fetches = len({fit.source for fit in some}), max(fit.fetches for fit in some)
             epsilons = {fit.epsilon for fit in some}
             epsilon = epsilons.pop() if len(epsilons) == 1 else None
             one_way = sum(not fit.is_reciprocal for fit in some)
-            rows.append(MeanRow(source, method, nbytes, fetches, sources, len(some), epsilon, spreads, one_way))
+            rows.append(
+                MeanRow(source, method, nbytes, fetches, sources, len(some), epsilon, spreads, of_seeds, one_way)
+            )
     return rows
 
 
@@ -191,9 +199,10 @@ def csv_of(fits: Sequence[MeasuredFit]) -> str:
     lines: list[Sequence[Any]] = [_COLUMNS]
     for row in rows:
         for name, spread in row.spreads.items():
-            numbers = ["", "", "", ""]
+            numbers = [""] * 5
             if spread is not None:
-                numbers = [_plain(x) for x in (spread.mean, spread.deviation, spread.low, spread.high)]
+                found = (spread.mean, spread.deviation, row.of_seeds[name], spread.low, spread.high)
+                numbers = [_plain(x) for x in found]
             about = (row.nbytes, row.fetches, row.sources, row.fits)
             of_epsilon = _plain(row.epsilon) if name in OF_EPSILON else ""
             lines.append((row.source or "all", row.method, *about, name, METRICS[name].unit, *numbers, of_epsilon))
@@ -217,6 +226,23 @@ def settings_in_words(settings: Any) -> str:
 
 def _plain(value: float | None) -> str:
     return "" if value is None else repr(value)
+
+
+def _spreads(values: Sequence[tuple[str, float | None]]) -> tuple[Spread | None, float | None]:
+    """The spread of (source, number) pairs and the deviation of the seeds of a source, as `MeanRow` has them."""
+    every = _spread([value for _, value in values])
+    if every is None:
+        return None, None
+    by_source: dict[str, list[float]] = {}
+    for source, value in values:
+        by_source.setdefault(source, []).append(float(value or 0.0))
+    several = [Spread.of(own) for own in by_source.values()]
+    variances = [each.deviation**2 for each in several if each.deviation is not None]
+    if len(several) == 1:
+        return every, None
+    means = Spread.of(each.mean for each in several)
+    of_seeds = math.sqrt(fmean(variances)) if variances else None
+    return replace(every, mean=means.mean, deviation=means.deviation), of_seeds
 
 
 def _spread(values: Sequence[float | None]) -> Spread | None:

@@ -69,6 +69,11 @@ class Method(ABC):
     def most_textures(self) -> int:
         """How many textures, or terms, a fit has at most."""
 
+    @property
+    def stored_textures(self) -> int:
+        """How many textures it stores at most: of a term with two sides of its own, two."""
+        return self.most_textures
+
     def fit(self, samples: "Samples", progress: "ProgressCallback | None" = None) -> "MethodFit":
         """Fit the training samples as measured: the method makes what azimuth copies it needs.
 

@@ -35,5 +35,10 @@ class Nmf(Method):
 
     @property
     def most_textures(self) -> int:
-        """How many there are."""
+        """How many terms there are."""
         return self.textures
+
+    @property
+    def stored_textures(self) -> int:
+        """Two textures per term."""
+        return 2 * self.textures

@@ -64,5 +64,12 @@ class Svd(Method):
 
     @property
     def most_textures(self) -> int:
-        """How many there are."""
+        """How many terms there are."""
         return self.textures
+
+    @property
+    def stored_textures(self) -> int:
+        """One texture per term where both sides share it, else two; the normalized decomposition has one term."""
+        if self.chosen_decomposition in SYMMETRIC:
+            return self.textures
+        return 2 if self.chosen_decomposition == "normalized" else 2 * self.textures

@@ -35,7 +35,7 @@ def method_class(name: str) -> type[Method]:
 
 
 # Given bytes, these take the largest size within them.
-_SIZED_BY_BYTES = (McCool.name, Cole.name)
+_SIZED_BY_BYTES = (McCool.name, Cole.name, Svd.name, Nmf.name)
 
 
 def settings_of_class(method: type[Method]) -> tuple[str, ...]:
@@ -44,7 +44,7 @@ def settings_of_class(method: type[Method]) -> tuple[str, ...]:
 
 
 def methods_with(setting: str) -> tuple[str, ...]:
-    """Return the names of the methods that have a setting, or take it as their size, as McCool and Cole do bytes."""
+    """Return the names of the methods that have a setting, or take it as their size, as McCool and others do bytes."""
     return tuple(
         name
         for name, method in ALL_METHODS.items()
@@ -97,16 +97,16 @@ def made_each(labels: Iterable[str], settings: Mapping[str, Any]) -> dict[str, M
 def with_bytes(method: Method, count: int) -> Method | None:
     """Return the method with so many bytes of textures to spend, None for one that cannot be given any.
 
-    A search spends them itself; McCool's and Cole's textures get the largest size within them. Raises BadInput where
-    they are too few.
+    A search spends them itself; the textures of McCool's and Cole's methods and of decompositions get the largest size
+    within them. Raises BadInput where they are too few.
     """
     if isinstance(method, Search):
         return replace(method, bytes=count)
-    if not isinstance(method, McCool | Cole):
+    if method.name not in _SIZED_BY_BYTES:
         return None
     size = _size_within(count, method)
     if size < _LEAST_SIZE:
-        wanted = f"enough for {method.most_textures} textures of {_LEAST_SIZE} x {_LEAST_SIZE} texels"
+        wanted = f"enough for {method.stored_textures} textures of {_LEAST_SIZE} x {_LEAST_SIZE} texels"
         raise BadInput(where="bytes", found=count, expected=wanted)
     return replace(method, size=size)
 
@@ -124,7 +124,7 @@ def bytes_to_fill(method: Method) -> int | None:
 
 def _size_within(count: int, method: Method) -> int:
     """The largest size at which all textures of a method are within so many bytes."""
-    return math.isqrt(count // (_RGB_TEXEL * method.most_textures))
+    return math.isqrt(count // (_RGB_TEXEL * method.stored_textures))
 
 
 def mccool_like(method: Method) -> McCool:

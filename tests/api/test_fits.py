@@ -30,6 +30,7 @@ from homofact.methods.table import (
     mccool_like,
     methods_with,
     unused_settings,
+    with_bytes,
 )
 from homofact.separable.separable import Separable
 
@@ -297,8 +298,8 @@ def test_methods_that_are_compared_within_bytes_all_get_them() -> None:
     found = made_each(["search", "mccool", "mccool:d", "cole", "svd"], {"bytes": 3072, "textures": 2, "size": 16})
     assert found["search"].bytes == 3072
     sizes = {label: method.size for label, method in found.items() if label != "search"}
-    # √(3072/(12 · textures)), rounded down; a decomposition has no such number.
-    assert sizes == {"mccool": 11, "mccool:d": 16, "cole": 11, "svd": 16}
+    # √(3072/(12 · textures)), rounded down.
+    assert sizes == {"mccool": 11, "mccool:d": 16, "cole": 11, "svd": 11}
     with pytest.raises(BadInput) as refused:
         made_each(["search", "mccool"], {"bytes": 90})
     assert (refused.value.where, refused.value.found) == ("bytes", "90")
@@ -307,7 +308,26 @@ def test_methods_that_are_compared_within_bytes_all_get_them() -> None:
     assert {label: one.size for label, one in made_each(["mccool", "ggx"], {"bytes": 3072}).items() if label != "ggx"}
     assert made("mccool", {"bytes": 3072}).size == made("cole", {"bytes": 3072, "textures": 2}).size == 11
     assert unused_settings(["mccool", "ggx"], ["bytes"]) == {}
-    assert list(unused_settings(["svd", "ggx"], ["bytes"])) == ["bytes"]
+    assert list(unused_settings(["nbrdf", "ggx"], ["bytes"])) == ["bytes"]
+
+
+@pytest.mark.parametrize(
+    ("method", "stored"),
+    [
+        (homofact.Svd(textures=2), 2),
+        (homofact.Svd(textures=2, reciprocal=False), 4),
+        (homofact.Svd(textures=2, coordinates="half-diff"), 4),
+        (homofact.Svd(textures=2, decomposition="normalized"), 2),
+        (homofact.Nmf(textures=2), 4),
+        (homofact.Nmf(textures=1, coordinates="in-out"), 2),
+    ],
+)
+def test_a_decomposition_within_bytes_takes_the_largest_size(method: Method, stored: int, source: Source) -> None:
+    sized = with_bytes(method, 12 * stored * 5**2 + 11)
+    assert sized is not None
+    assert sized.size == 5
+    fit = homofact.fit(source, sized)
+    assert (len(fit.textures), fit.nbytes) == (stored, 12 * stored * 5**2)
 
 
 def test_the_bytes_that_a_method_had_to_fill() -> None:

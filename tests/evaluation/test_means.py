@@ -33,7 +33,7 @@ def fit(source: str, method: str, seed: int, nbytes: int, log_mse: float | None,
 
 FITS = [
     fit("paint", "search", 0, 6144, 0.1), fit("paint", "search", 1, 6144, 0.3),
-    fit("clay", "search", 0, 6144, 0.2), fit("clay", "search", 1, 3072, 0.7),
+    fit("clay", "search", 0, 6144, 0.5), fit("clay", "search", 1, 3072, 0.7),
     fit("paint", "mccool", 0, 6144, 0.4, math.inf), fit("clay", "mccool", 0, 6144, None),
 ]  # fmt: skip
 
@@ -45,8 +45,10 @@ def test_fits_are_gathered_by_method_and_bytes() -> None:
     ]  # fmt: skip
     found = large.spreads["log_mse"]
     assert found is not None
-    # Of 0.1, 0.2, 0.3: mean 0.2, and √((0.01 + 0 + 0.01)/2) = 0.1.
-    assert (found.mean, found.deviation, found.low, found.high) == pytest.approx((0.2, 0.1, 0.1, 0.3))
+    # Of the sources' means 0.2 and 0.5: mean 0.35 and √(2 · 0.15²); of the seeds 0.1 and 0.3 √(2 · 0.1²).
+    assert (found.mean, found.deviation) == pytest.approx((0.35, 0.15 * 2**0.5))
+    assert (found.count, found.low, found.high) == (3, 0.1, 0.5)
+    assert large.of_seeds["log_mse"] == pytest.approx(0.1 * 2**0.5)
     one = small.spreads["log_mse"]
     assert one is not None
     assert one.deviation is None
@@ -55,6 +57,25 @@ def test_fits_are_gathered_by_method_and_bytes() -> None:
     assert psnr is not None
     assert (psnr.mean, psnr.deviation) == (math.inf, None)
     assert [row.fits for row in mean_rows(FITS, "clay")] == [1, 1, 1]
+    # Of one source the deviation is that of its seeds, and stands once.
+    (paint, _) = mean_rows(FITS, "paint")
+    one = paint.spreads["log_mse"]
+    assert one is not None
+    assert (one.deviation, paint.of_seeds["log_mse"]) == (pytest.approx(0.1 * 2**0.5), None)
+    assert (mccool.of_seeds["psnr"], mccool.of_seeds["log_mse"]) == (None, None)
+
+
+def test_the_deviation_of_seeds_is_over_the_sources_that_have_several() -> None:
+    values = {"paint": (1.0, 3.0), "clay": (5.0, 5.0, 8.0), "skin": (7.0,)}
+    fits = [fit(source, "search", k, 4, value) for source, own in values.items() for k, value in enumerate(own)]
+    (row,) = mean_rows(fits)
+    found = row.spreads["log_mse"]
+    assert found is not None
+    # Each source counts once: 2, 6 and 7. Variances of seeds: 2 and 3.
+    assert (found.mean, found.deviation) == pytest.approx((5.0, 7**0.5))
+    assert row.of_seeds["log_mse"] == pytest.approx(2.5**0.5)
+    (line,) = [line for line in latex_of(fits).splitlines() if line.startswith("Search")]
+    assert line.split(" & ")[4] == r"$5.00 \pm 2.65\;(1.6)$"
 
 
 def test_fits_of_as_many_asked_bytes_are_one_row_with_the_largest() -> None:
@@ -72,10 +93,11 @@ def test_fits_of_as_many_asked_bytes_are_one_row_with_the_largest() -> None:
     ("mean", "deviation", "expected"),
     [
         (0.123456, 0.0123, ("0.123", "0.012", 0)),
-        (0.123456, 0.0345, ("0.12", "0.03", 0)),
-        (0.5, 0.0996, ("0.50", "0.10", 0)),
-        (0.5, 0.0949, ("0.50", "0.09", 0)),
-        (45.2, 14.7, ("45", "15", 0)),
+        (0.123456, 0.0345, ("0.123", "0.034", 0)),
+        (0.5, 0.0996, ("0.500", "0.100", 0)),
+        (0.5, 0.0949, ("0.500", "0.095", 0)),
+        (45.2, 14.7, ("45.2", "14.7", 0)),
+        (24.3, 31.0, ("24.3", "31.0", 0)),
         (1234.0, 56.0, ("1230", "60", 0)),
         (12.345, None, ("12.3", "", 0)),
         (0.00123, 0.0, ("0.00123", "0", 0)),
@@ -83,10 +105,12 @@ def test_fits_of_as_many_asked_bytes_are_one_row_with_the_largest() -> None:
         (1.2345e-5, 3.2e-7, ("1.23", "0.03", -5)),
         (-1.2345e-5, 3.2e-7, ("-1.23", "0.03", -5)),
         (123456.0, 1234.0, ("1.235", "0.012", 5)),
-        (1e-7, 2.0, ("0", "2", 0)),
+        (1e-7, 2.0, ("0.00", "2.00", 0)),
     ],
 )
-def test_a_mean_has_the_digits_of_its_deviation(mean: float, deviation: float | None, expected: tuple) -> None:
+def test_a_mean_has_three_digits_or_those_of_its_deviation(
+    mean: float, deviation: float | None, expected: tuple
+) -> None:
     assert rounded(mean, deviation) == expected
 
 
@@ -96,8 +120,10 @@ def test_the_csv_reads_back_to_the_last_bit() -> None:
     picked = {(row["source"], row["method"], row["bytes"], row["metric"]): row for row in rows}
     assert len(picked) == len(rows)
     row = picked["all", "search", "6144", "log_mse"]
-    assert float(row["mean"]) == pytest.approx(0.2, rel=1e-15)
-    assert float(row["standard_deviation"]) == pytest.approx(0.1)
+    assert float(row["mean"]) == pytest.approx(0.35, rel=1e-15)
+    assert float(row["standard_deviation"]) == pytest.approx(0.15 * 2**0.5)
+    assert float(row["of_seeds"]) == pytest.approx(0.1 * 2**0.5)
+    assert picked["paint", "search", "6144", "log_mse"]["of_seeds"] == ""
     assert (row["sources"], row["fits"], row["fetches"], row["unit"]) == ("2", "3", "3", "")
     assert picked["all", "search", "6144", "mae"]["unit"] == "sr⁻¹"
     assert picked["all", "mccool", "6144", "log_mse"]["mean"] == ""
@@ -145,14 +171,23 @@ def cells(latex: str) -> list[list[str]]:
 
 def test_the_latex_is_what_a_parser_of_latex_reads() -> None:
     latex = latex_of([*FITS, fit("paint", HOSTILE, 0, 10, 1.5e-5)])
-    head, small, large, mccool, hostile = cells(latex)
+    head, small, large, mccool, hostile, (note,) = cells(latex)
+    assert "±: over the sources" in note
     # 0.7 and 1.5e-5 in one column: the head has the power of ten of both.
     assert [cell.replace(" ", "") for cell in head[:5]] == [
         "Method", "Bytes", "Fetches", "Fits", "LogMSE(10^-3)",
     ]  # fmt: skip
     assert [cell.replace(" ", "") for cell in head[5:]] == ["MAE(sr^-1)", "PSNR(dB)"]
     assert small == ["Search", "3072", "3", "1", "700", "0.500", "30.0"]
-    assert [cell.replace(" ", "") for cell in large] == ["Search", "6144", "3", "3", "200±100", "0.500±0", "30.0±0"]
+    assert [cell.replace(" ", "") for cell in large] == [
+        "Search",
+        "6144",
+        "3",
+        "3",
+        "350±212(140)",
+        "0.500±0(0)",
+        "30.0±0(0)",
+    ]
     assert [cell.strip() for cell in mccool[4:]] == ["–", "0.500 ± 0", "∞"]
     assert hostile[0].replace("ˆ", "^").replace(" ", "") == HOSTILE.replace(" ", "")
     assert hostile[4].replace(" ", "") == "0.0150"
@@ -164,9 +199,9 @@ def test_the_latex_is_what_a_parser_of_latex_reads() -> None:
     ("means", "head", "both"),
     [
         ((92426.0, 7574.0), "LogMSE", "50000 ± 60000"),
-        ((924260.0, 75740.0), "LogMSE(10^5)", "5 ± 6"),
-        ((0.004, 0.002), "LogMSE", "0.0030 ± 0.0014"),
-        ((0.0004, 0.0002), "LogMSE(10^-4)", "3.0 ± 1.4"),
+        ((924260.0, 75740.0), "LogMSE(10^5)", "5.00 ± 6.00"),
+        ((0.004, 0.002), "LogMSE", "0.00300 ± 0.00141"),
+        ((0.0004, 0.0002), "LogMSE(10^-4)", "3.00 ± 1.41"),
     ],
 )
 def test_a_column_has_a_power_of_ten_only_where_its_numbers_need_one(
@@ -244,7 +279,7 @@ def test_rows_of_sources_share_the_powers_of_the_whole_table() -> None:
     latex = latex_of(small, by_source=True)
     assert latex.count("times 10^") == 0
     assert [line.split(" & ")[4] for line in latex.splitlines() if line.startswith("Search")] == [
-        "$1.00$", "$3.00$", r"$2.0 \pm 1.4$",
+        "$1.00$", "$3.00$", r"$2.00 \pm 1.41$",
     ]  # fmt: skip
 
 
@@ -257,7 +292,8 @@ def test_fits_that_are_not_reciprocal_are_marked() -> None:
     assert [r"$^{\dagger}$" in row for row in rows] == [False, True, False]
     assert lines[-2].startswith(r"\multicolumn{7}{l}{")
     assert r"changes up to 4\% of the light." in lines[-2]
-    assert lines[-3] == r"\bottomrule"
+    assert lines[-3].startswith(r"\multicolumn{7}{l}{\footnotesize $\pm$: over the sources")
+    assert lines[-4] == r"\bottomrule"
     # Rounding is no lack of reciprocity.
     assert "dagger" not in latex_of([replace(FITS[0], swapped=1e-6), *FITS[1:]])
 
