@@ -75,7 +75,8 @@ class SourceSettings(_Checked):
     count: int = option(DEFAULT_COUNT, "Pairs drawn from an analytic model", least=1, most=MOST_COUNT, panel=SOURCE)
     scheme: str = option(DEFAULT_SCHEME, "Where pairs are drawn from an analytic model", choices=SCHEMES, panel=SOURCE)
     calibrate: tuple[str, ...] = option(
-        DEFAULT_CALIBRATE, "Faults of the instrument to correct; auto corrects a tilt if the evidence is clear",
+        DEFAULT_CALIBRATE,
+        "Faults of the instrument to correct; auto corrects a tilt in a whole table if the evidence is clear",
         choices=CALIBRATIONS, separators="+,", metavar="A+B",
         expected_instead=none_twice, panel=SOURCE,
     )  # fmt: skip
@@ -131,7 +132,8 @@ class CompareSettings(_Checked):
     )
     methods: tuple[str, ...] = option(
         COMPARED,
-        "Methods, separated by commas; mccool:A+B uses the fixed projections A and B, ggx:2 two lobes",
+        f"Methods, separated by commas ({', '.join((*METHODS, *MODELS_BY_NAME))}); mccool:A+B uses the fixed"
+        " projections A and B, ggx:2 two lobes",
         expected_instead=_several,
     )
     plot: str | None = option(None, "Draw the errors (.png, .pdf, .svg)", metavar="FILE")

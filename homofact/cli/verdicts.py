@@ -38,7 +38,8 @@ def where_lines(verdict: "Verdict") -> list[str]:
     A line each; no line if it has no bars by angle, or they are all alike.
     """
     bars = verdict.bars
-    return [f"Where: {words}" for words in (bars.by_angle_sentence(), bars.extrapolated_sentence()) if words]
+    heads = {"Where": bars.by_angle_sentence(), "Extrapolated": bars.extrapolated_sentence()}
+    return [f"{head}: {words}" for head, words in heads.items() if words]
 
 
 def incidence_lines(verdict: "Verdict") -> list[str]:

@@ -11,6 +11,7 @@ import io
 import os
 from collections.abc import Sequence
 from pathlib import Path
+from textwrap import wrap
 
 import matplotlib
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -93,6 +94,10 @@ def _looks(rows: Sequence[ChartRow]) -> dict[str, Look]:
     return {name: looks[name] for name in names}
 
 
+# Points of the caption, and the mean width of its letters in them.
+_CAPTION, _LETTER = 7.5, 0.6
+
+
 def _finish(figure: Figure, rows: Sequence[ChartRow], what: str, panels: Sequence[Panel]) -> None:
     """Points, fronts, reference and axes of all panels; title, key and caption; the labels at last."""
     looks, points = _looks(rows), panels[0].all_points
@@ -120,7 +125,7 @@ def _frame(figure: Figure, rows: Sequence[ChartRow], what: str, looks: dict[str,
     handles.append(Line2D([], [], color=FRONT_COLOUR, linewidth=1.2, label="Pareto front (its points are filled)"))
     columns = min(len(handles), 5 if figure.get_figwidth() < 12 else 8)
     lines = -(-len(handles) // columns)
-    caption = _caption(rows)
+    caption = _caption(rows, figure.get_figwidth())
     top, bottom = (0.55 + 0.22 * lines) / height, (0.15 + 0.16 * len(caption)) / height
     figure.set_layout_engine("constrained", rect=(0, bottom, 1, 1 - top - bottom))
     figure.text(0.5, 1 - 0.12 / height, f"{in_figure(rows[0].source)}: {what}", ha="center", va="top", fontsize=14)
@@ -134,12 +139,12 @@ def _frame(figure: Figure, rows: Sequence[ChartRow], what: str, looks: dict[str,
         fontsize=9,
     )
     figure.text(
-        0.5, 0.08 / height, in_figure("\n".join(caption)), ha="center", va="bottom", fontsize=7.5, color="#555555"
+        0.5, 0.08 / height, in_figure("\n".join(caption)), ha="center", va="bottom", fontsize=_CAPTION, color="#555555"
     )
 
 
-def _caption(rows: Sequence[ChartRow]) -> list[str]:
-    """What the labels say, and under which conditions the numbers hold."""
+def _caption(rows: Sequence[ChartRow], width: float) -> list[str]:
+    """What the labels say, and under which conditions the numbers hold, in lines that fit into `width` inches."""
     first = rows[0]
     bare = ", or bytes of a model without textures" if any(row.size == 0 for row in rows) else ""
     caption = [f"Labels: number of textures × their size in texels{bare}."]
@@ -157,4 +162,5 @@ def _caption(rows: Sequence[ChartRow]) -> list[str]:
     left_out = sum(not _drawn(row) for row in rows)
     if left_out:
         caption.append(f"{left_out} of {len(rows)} runs are left out: their error is not a number above 0.")
-    return caption
+    letters = int(width * 72 / (_CAPTION * _LETTER))
+    return [line for words in caption for line in wrap(words, letters)]

@@ -49,7 +49,7 @@ class FileFit:
         held_out, sky = self.errors["held_out"], self.errors["sky"]
         shown = "" if sky is None else f", a sphere under a sky off by {sky:.1%}"
         fit = f"{Path(words).name}: replaced by a fit of {METHOD.textures} textures of {METHOD.size}²"
-        return f"{fit}, mean log error (MALE) {held_out:.3f} on held-out samples{shown}"
+        return f"{fit}, mean absolute log error (log_mae) {held_out:.3f} on held-out samples{shown}"
 
 
 @dataclass

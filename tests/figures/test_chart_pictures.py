@@ -69,6 +69,19 @@ def test_every_point_has_a_label_that_is_on_no_other(draw: Any, many: list[Chart
                 assert not box.padded(-0.5).overlaps(its.padded(-0.5)), (one.get_text(), other.get_text())
 
 
+@pytest.mark.parametrize("draw", [time_chart, cost_chart])
+def test_title_and_caption_stay_within_the_picture(draw: Any, many: list[ChartRow]) -> None:
+    long = ", ".join([*["a processor of a long name"] * 8, "scipy 1.17.1"])
+    figure = draw([replace(row, machine=long) for row in many])
+    figure.canvas.draw()
+    renderer = figure.canvas.get_renderer()
+    assert any("scipy" in text.get_text() for text in figure.texts)
+    for text in figure.texts:
+        box = text.get_window_extent(renderer)
+        assert 0 <= box.x0 < box.x1 <= figure.bbox.width, text.get_text()
+        assert 0 <= box.y0 < box.y1 <= figure.bbox.height, text.get_text()
+
+
 @pytest.mark.slow
 def test_shares_are_of_mccools_lowest_error_here(many: list[ChartRow]) -> None:
     worse = replace(many[0], size=4, held_out=replace(many[0].held_out, log_mse=many[0].held_out.log_mse * 3))

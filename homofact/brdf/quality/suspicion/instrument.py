@@ -178,7 +178,9 @@ CHECKS = (
         remedy=_CHECK_GAINS,
     ),
     Check(
-        "ring", _ring, lambda f: f"one ring of angles is off its neighbours by {_percent(math.exp(f[0]))}",
+        "ring", _ring,
+        lambda f: f"one ring of angles is off its neighbours by {_percent(math.exp(f[0]))}, as the highlight of a"
+        " tilted sample can be",
         remedy=f"{_MEASURE_AGAIN}, or {Advice('calibrate', 'rings')}",
     ),
     Check(
