@@ -3,14 +3,14 @@
 Highlights follow the half vector h, not the two directions, so distances are measured about it. Angles are in right
 angles, and the root of θh spreads the peak:
 
-* isotropic pairs at (√θh, θd, φd), φd folded to [0, 1];
+* isotropic pairs at (√θh, θd, φd √θh sinθd), φd folded to [0, 1]: at θh = 0 and at θd = 0 it means nothing, and must
+  keep nothing apart (the misplaced light of interpolated isotropic samples: scripts/accuracy/interpolated_samples.py);
 * anisotropic ones at √θh (cos φh, sin φh), θd/2 and θd/10 (cos 2ψ, sin 2ψ), ψ the azimuth of ωi − ωo, of which f
   depends little. Twice the azimuth is the same for swapped directions.
 """
 
 import math
 
-import numpy as np
 import torch
 from torch import Tensor
 
@@ -31,7 +31,8 @@ def half_places(wi: Tensor, wo: Tensor, isotropic: bool) -> Tensor:
     """
     if isotropic:
         unit = (coordinate_system("isotropic-half-diff").evaluate(wi, wo) + 1) / 2
-        return torch.cat((unit[:, :1].clamp_min(0).sqrt(), unit[:, 1:]), 1)
+        root, wide = unit[:, 0].clamp(0, 1).sqrt(), unit[:, 1]
+        return torch.stack((root, wide, unit[:, 2] * root * torch.sin(wide * (math.pi / 2))), 1)
     theta_h, theta_d, _ = rusinkiewicz_angles(wi, wo)
     _, phi_h = to_spherical(wi + wo)
     apart = wi - wo
@@ -39,14 +40,3 @@ def half_places(wi: Tensor, wo: Tensor, isotropic: bool) -> Tensor:
     root, wide = (theta_h / (math.pi / 2)).sqrt(), theta_d / (math.pi / 2)
     across, along = _TURN * wide * torch.cos(turn), _TURN * wide * torch.sin(turn)
     return torch.stack((root * torch.cos(phi_h), root * torch.sin(phi_h), _DIFFERENCE * wide, across, along), 1)
-
-
-def neighbour_places(wi: Tensor, wo: Tensor, isotropic: bool) -> np.ndarray:
-    """Return `half_places` for a search of neighbours: at θh = 0 and at θd = 0 isotropic φd keeps nothing apart.
-
-    It means nothing there, so it is weighted by √θh sinθd.
-    """
-    place = half_places(wi, wo, isotropic).cpu().numpy()
-    if isotropic:
-        place[:, 2] *= place[:, 0].clip(0, 1) * np.sin(place[:, 1] * (math.pi / 2))
-    return place

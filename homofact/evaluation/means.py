@@ -140,7 +140,8 @@ def mean_rows(fits: Sequence[MeasuredFit], source: str = "") -> list[MeanRow]:
             some = [fit for fit in own if fit.group == group]
             nbytes = max(fit.nbytes for fit in some)
             both = {name: _spreads([(fit.source, fit.values[name]) for fit in some]) for name in some[0].values}
-            spreads, of_seeds = ({name: pair[k] for name, pair in both.items()} for k in (0, 1))
+            spreads = {name: spread for name, (spread, _) in both.items()}
+            of_seeds = {name: deviation for name, (_, deviation) in both.items()}
             sources, fetches = len({fit.source for fit in some}), max(fit.fetches for fit in some)
             epsilons = {fit.epsilon for fit in some}
             epsilon = epsilons.pop() if len(epsilons) == 1 else None

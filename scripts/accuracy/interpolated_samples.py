@@ -1,7 +1,8 @@
-"""Measure how well scattered anisotropic samples are interpolated, over several coordinates.
+"""Measure how well scattered samples are interpolated, over several coordinates.
 
-    python scripts/accuracy/interpolated_samples.py                  # all of it: some four minutes
+    python scripts/accuracy/interpolated_samples.py                  # of anisotropic samples: some four minutes
     python scripts/accuracy/interpolated_samples.py --materials steel --layouts rings
+    python scripts/accuracy/interpolated_samples.py --isotropic      # of isotropic ones: a minute
 
 Materials of which all values are known are "measured" without noise. Each row is an interpolation, judged at other
 directions: the RMS of the logarithms, the misplaced light Σ|found − true| f cosθo over Σ true, and the total light
@@ -11,6 +12,7 @@ over the true one at three angles of incidence. Last come the geometric means of
 import argparse
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from statistics import geometric_mean
 
 import numpy as np
@@ -32,6 +34,12 @@ NAMED = ("ward-brushed", "ashikhmin-shirley-wang", "phong-30", "lafortune-clay")
 MATERIALS = (*NAMED, "steel", "satin")
 _TRUE_ANGLES = (12, 42, 57)
 _DIRECTIONS = "both directions"
+_FULL, _WEIGHTED = "full azimuth", "weighted"
+# Of these, `--isotropic` takes samples that are known to be isotropic.
+ISOTROPIC = (
+    "cook-torrance-plastic", "phong-10", "phong-30", "blinn-phong-50", "torrance-sparrow-20", "car-paint-red",
+    "lafortune-clay",
+)  # fmt: skip
 
 
 def rings(model: Reflectance, lights: tuple[int, ...], turns: tuple[int, ...], steps: tuple[int, int]) -> Samples:
@@ -72,10 +80,20 @@ class _OverDirections(Scattered):
         return coordinate_system("in-out").evaluate(wi, wo).numpy()
 
 
+class _FullAzimuth(Scattered):
+    """An interpolation of isotropic samples over (√θh, θd, φd), φd at its full weight everywhere."""
+
+    def _place(self, wi: Tensor, wo: Tensor) -> np.ndarray:
+        unit = (coordinate_system("isotropic-half-diff").evaluate(wi, wo) + 1) / 2
+        return torch.cat((unit[:, :1].clamp_min(0).sqrt(), unit[:, 1:]), 1).numpy()
+
+
 def interpolated(samples: Samples, coordinates: str) -> Reflectance:
     """Return the interpolation of samples over coordinates of `--coordinates`."""
     if coordinates == _DIRECTIONS:
         return _OverDirections(samples)
+    if samples.isotropic:
+        return _FullAzimuth(samples) if coordinates == _FULL else Scattered(samples)
     places._DIFFERENCE, places._TURN = map(float, coordinates.split(","))
     return Scattered(samples)
 
@@ -89,13 +107,17 @@ def main() -> None:
         "--coordinates", nargs="+", default=(_DIRECTIONS, "0.5,0.25", "0.5,0.1", "1,0.1"),
         help="weights of the difference vector's angle and of its azimuth",
     )  # fmt: skip
+    parser.add_argument("--isotropic", action="store_true", help="isotropic materials, measured from one azimuth")
     asked = parser.parse_args()
+    if asked.isotropic:
+        asked.materials, asked.coordinates = ISOTROPIC, (_FULL, _WEIGHTED)
+        asked.layouts = ("one azimuth", "5,000 random", "1,500 random")
     found: dict[str, list[tuple[float, float]]] = {}
     print(f"{'material':22} {'samples':13} {'coordinates':16} {'log RMS':>8} {'misplaced':>9}  light at 12, 42, 57°")
     for name in asked.materials:
         model = model_of(name)
         for layout in asked.layouts:
-            samples = LAYOUTS[layout](model)
+            samples = replace(LAYOUTS[layout](model), isotropic=asked.isotropic)
             tests = rings(model, _TRUE_ANGLES, (0,) if layout == "one azimuth" else (15, 75), (4, 9))
             for coordinates in asked.coordinates:
                 log_rms, misplaced, light = _judged(interpolated(samples, coordinates), samples, tests)

@@ -31,7 +31,7 @@ import torch
 from torch import Tensor
 
 from homofact.brdf.pair_density import draw_lobe, scheme_of
-from homofact.brdf.places import neighbour_places
+from homofact.brdf.places import half_places
 from homofact.brdf.samples import Samples
 from homofact.brdf.symmetry import angles_of_pairs
 from homofact.geometry.coordinates import coordinate_system
@@ -192,4 +192,4 @@ def _on_discs(samples: Samples) -> np.ndarray:
 
 
 def _place(samples: Samples) -> np.ndarray:
-    return neighbour_places(samples.wi, samples.wo, samples.isotropic)
+    return half_places(samples.wi, samples.wo, samples.isotropic).cpu().numpy()

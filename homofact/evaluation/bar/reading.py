@@ -19,7 +19,7 @@ import torch
 from torch import Tensor
 
 from homofact.brdf.log_transform import LogTransform
-from homofact.brdf.places import neighbour_places
+from homofact.brdf.places import half_places
 from homofact.brdf.quality.extrapolation import Extrapolation
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
@@ -92,7 +92,7 @@ def reading_of(fit: Reflectance, samples: Samples, extrapolation: Extrapolation,
     """Hold a fit against the reading of the samples that it was made from; `extrapolation` is of these."""
     drawn = samples.subset(MOST_SAMPLES, seed)
     transform = LogTransform.of_values(drawn.values, _EPSILON)
-    place = neighbour_places(drawn.wi, drawn.wo, drawn.isotropic)
+    place = half_places(drawn.wi, drawn.wo, drawn.isotropic).cpu().numpy()
     logs = transform.forward(drawn.values)
     missed = logs - transform.forward(fit.evaluate(drawn.wi, drawn.wo).to(logs))
     first = torch.rand(len(drawn), generator=torch.Generator().manual_seed(seed)) < 0.5
@@ -165,7 +165,7 @@ class _Nodes:
         before = flux.gather(1, order).cumsum(1) - flux.gather(1, order)
         inside = before < HIGHLIGHT * flux.sum(1, keepdim=True)
         brightest = torch.zeros_like(flux).scatter(1, order, inside.to(flux))
-        place = neighbour_places(wi, wo.reshape(-1, 3), samples.isotropic)
+        place = half_places(wi, wo.reshape(-1, 3), samples.isotropic).cpu().numpy()
         return cls(wi, wo.reshape(-1, 3), place, weight, values, brightest, transform)
 
     def lights(self, known: _Known) -> tuple[tuple[Tensor, float], tuple[Tensor, float]]:
