@@ -3,8 +3,8 @@
 Highlights follow the half vector h, not the two directions, so distances are measured about it. Angles are in right
 angles, and the root of θh spreads the peak:
 
-* isotropic pairs at (√θh, θd, φd √θh sinθd), φd folded to [0, 1]: at θh = 0 and at θd = 0 it means nothing, and must
-  keep nothing apart (the misplaced light of interpolated isotropic samples: scripts/accuracy/interpolated_samples.py);
+* isotropic pairs at (√θh, θd, w φd √θh sinθd), φd folded to [0, 1]: at θh = 0 and at θd = 0 it means nothing, and must
+  keep nothing apart;
 * anisotropic ones at √θh (cos φh, sin φh), θd/2 and θd/10 (cos 2ψ, sin 2ψ), ψ the azimuth of ωi − ωo, of which f
   depends little. Twice the azimuth is the same for swapped directions.
 """
@@ -20,8 +20,10 @@ from homofact.geometry.directions import to_spherical
 _DIFFERENCE, _TURN = 0.5, 0.1  # weights of θd, and of its azimuth (scripts/accuracy/interpolated_samples.py)
 
 
-def half_places(wi: Tensor, wo: Tensor, isotropic: bool) -> Tensor:
+def half_places(wi: Tensor, wo: Tensor, isotropic: bool, azimuth: float = 1.0) -> Tensor:
     """Return the places of pairs (N, 3) of an isotropic material, (N, 3), or of an anisotropic one, (N, 5).
+
+    `azimuth` is the weight w of φd for isotropic ones; error bars are calibrated with neighbours at 1.
 
     Examples
     --------
@@ -32,7 +34,7 @@ def half_places(wi: Tensor, wo: Tensor, isotropic: bool) -> Tensor:
     if isotropic:
         unit = (coordinate_system("isotropic-half-diff").evaluate(wi, wo) + 1) / 2
         root, wide = unit[:, 0].clamp(0, 1).sqrt(), unit[:, 1]
-        return torch.stack((root, wide, unit[:, 2] * root * torch.sin(wide * (math.pi / 2))), 1)
+        return torch.stack((root, wide, azimuth * unit[:, 2] * root * torch.sin(wide * (math.pi / 2))), 1)
     theta_h, theta_d, _ = rusinkiewicz_angles(wi, wo)
     _, phi_h = to_spherical(wi + wo)
     apart = wi - wo
