@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from scipy.interpolate import RBFInterpolator
 
 GLOBAL_LIMIT = 2000
-# Weight of isotropic φd in these places (scripts/accuracy/interpolated_samples.py --isotropic).
+# Weight of isotropic φd in these places (scripts/accuracy/interpolated_samples.py).
 _AZIMUTH = 0.5
 
 

@@ -212,23 +212,25 @@ def mean_table(rows: "Sequence[MeanRow]") -> Table:
     from homofact.evaluation.metric_table import METRICS
 
     fits = max(row.fits for row in rows)
-    over = f", over at most {counted(fits, 'fit')} each" if fits > 1 else " (one fit each)"
-    table = plain_table(f"Mean ± standard deviation by method and bytes{over}")
+    counts = f", over at most {counted(fits, 'fit')} each" if fits > 1 else " (one fit each)"
+    table = plain_table(f"Mean ± standard deviation by method and bytes{counts}")
     add_names(table)
     add_figures(table, "bytes", "fits")
     add_names(table, "metric")
-    several = any(row.sources > 1 for row in rows)
-    two = any(value is not None for row in rows for value in row.of_seeds.values())
-    add_figures(table, "mean", *(("± sources",) if several else ()), *(("± seeds",) if two or not several else ()))
+    over_sources = any(row.sources > 1 for row in rows)
+    over_seeds = not over_sources or any(value is not None for row in rows for value in row.of_seeds.values())
+    heads = {"± sources": over_sources, "± seeds": over_seeds}
+    add_figures(table, "mean", *(head for head, shown in heads.items() if shown))
     for row in rows:
         about = [Text(row.method), str(row.nbytes), str(row.fits)]
         for name, spread in row.spreads.items():
             unit = METRICS[name].unit
-            own, seeds = spread and spread.deviation, row.of_seeds[name]
-            over = (own if row.sources > 1 else None, seeds if row.sources > 1 else own)
-            kept = (over[0],) * several + (over[1],) * (two or not several)
-            numbers = ("–" if spread is None else figure(spread.mean), *("" if x is None else figure(x) for x in kept))
-            table.add_row(*about, f"{name}, {unit}" if unit else name, *numbers)
+            own = None if spread is None else spread.deviation
+            pair = (own, row.of_seeds[name]) if row.sources > 1 else (None, own)
+            kept = [value for value, shown in zip(pair, heads.values(), strict=True) if shown]
+            mean = "–" if spread is None else figure(spread.mean)
+            deviations = ("" if value is None else figure(value) for value in kept)
+            table.add_row(*about, f"{name}, {unit}" if unit else name, mean, *deviations)
             about = ["", "", ""]
         table.add_section()
     return table

@@ -2,7 +2,8 @@
 
     python scripts/accuracy/interpolated_samples.py                  # of anisotropic samples: some four minutes
     python scripts/accuracy/interpolated_samples.py --materials steel --layouts rings
-    python scripts/accuracy/interpolated_samples.py --isotropic      # of isotropic ones: a minute
+    python scripts/accuracy/interpolated_samples.py --isotropic      # of isotropic ones: ten seconds
+    python scripts/accuracy/interpolated_samples.py --files A.brdf   # of measured isotropic samples, 20% held out
 
 Materials of which all values are known are "measured" without noise. Each row is an interpolation, judged at other
 directions: the RMS of the logarithms, the misplaced light Σ|found − true| f cosθo over Σ true, and the total light
@@ -11,16 +12,18 @@ over the true one at three angles of incidence. Last come the geometric means of
 
 import argparse
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from pathlib import Path
 from statistics import geometric_mean
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from homofact.brdf import places
+from homofact.brdf import places, scattered
 from homofact.brdf.analytic import Ward
+from homofact.brdf.formats import read_samples
 from homofact.brdf.materials import material
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
@@ -108,7 +111,11 @@ def main() -> None:
         help="weights of the difference vector's angle and of its azimuth",
     )  # fmt: skip
     parser.add_argument("--isotropic", action="store_true", help="isotropic materials, measured from one azimuth")
+    parser.add_argument("--files", nargs="+", default=(), help="measurements of isotropic materials, over three splits")
     asked = parser.parse_args()
+    if asked.files:
+        _of_files(asked.files)
+        return
     if asked.isotropic:
         asked.materials, asked.coordinates = ISOTROPIC, (_FULL, _WEIGHTED)
         asked.layouts = ("one azimuth", "5,000 random", "1,500 random")
@@ -127,6 +134,27 @@ def main() -> None:
     for coordinates, rows in found.items():
         means = [geometric_mean(each) for each in zip(*rows, strict=True)]
         print(f"{coordinates:16} geometric means: log RMS {means[0]:.3f}, misplaced light {means[1]:.1%}")
+
+
+def _of_files(files: Sequence[str]) -> None:
+    """Print the mean squared log error (ε = 0.01) and the misplaced light at held-out samples, turned at random."""
+    print(f"{'file':22} {'weight of φd':>12} {'log MSE':>8} {'misplaced':>9}")
+    for name in files:
+        samples = read_samples(name)
+        for weight in (_FULL, 0.5, 1.0):
+            rows = []
+            for seed in range(3):
+                training, held_out = samples.split(0.2, seed=seed)
+                tests = held_out.rotated_at_random(seed)
+                scattered._AZIMUTH = weight
+                found = _FullAzimuth(training) if weight == _FULL else Scattered(training)
+                values, epsilon = found.evaluate(tests.wi, tests.wo), 1e-2 * training.values.mean(0)
+                apart = torch.log(values + epsilon) - torch.log(tests.values + epsilon)
+                light = tests.wi[:, 2:] * tests.wo[:, 2:]
+                misplaced = (light * (values - tests.values).abs()).sum() / (light * tests.values).sum()
+                rows.append((float(apart.square().mean()), float(misplaced)))
+            log_mse, misplaced = np.mean(rows, 0)
+            print(f"{Path(name).name:22} {weight!s:>12} {log_mse:8.4f} {misplaced:9.4f}")
 
 
 def _measured(model: Reflectance, wi: Tensor, wo: Tensor) -> Samples:

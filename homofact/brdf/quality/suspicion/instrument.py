@@ -179,8 +179,8 @@ CHECKS = (
     ),
     Check(
         "ring", _ring,
-        lambda f: f"one ring of angles is off its neighbours by {_percent(math.exp(f[0]))}, as the highlight of a"
-        " tilted sample can be",
+        lambda f: f"one ring of angles is off its neighbours by {_percent(math.exp(f[0]))}; a narrow highlight between"
+        " coarse rings can look like it",
         remedy=f"{_MEASURE_AGAIN}, or {Advice('calibrate', 'rings')}",
     ),
     Check(
