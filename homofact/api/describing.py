@@ -28,7 +28,7 @@ WHITE_STANDARD = (
 )
 
 # Of the spread along the normal: less is noise, and not told.
-_NO_TILT = "a tilt of the sample was not looked for: that needs a whole table of an isotropic material, not a list"
+_NO_TILT = "a tilt of the sample was not looked for: the material is anisotropic"
 _LEAST_SPREAD = 0.15
 
 
@@ -118,11 +118,14 @@ def info(source: Any, *, plot: Place | None = None, seed: int = 0, progress: Pro
     from homofact.brdf.pair_density import scheme_of
     from homofact.brdf.quality.mending import mending_lines
     from homofact.brdf.quality.suspicion.suspects import suspicions
-    from homofact.brdf.source import describe
+    from homofact.brdf.source import describe, with_tilt_looked_at
 
     steps = ProgressSteps(progress)
     steps.stage("reading")
     subject = open_given(given, seed)
+    if subject.kind == "measurement":
+        steps.stage("looking for a tilt of the sample")
+        subject = with_tilt_looked_at(subject)
     facts = describe(subject)
     suspected: list[Suspicion] = []
     asked: tuple[str, ...] = ()
@@ -142,7 +145,7 @@ def info(source: Any, *, plot: Place | None = None, seed: int = 0, progress: Pro
     if subject.kind == "drawn":
         rows["kind"] = "table or network; homofact draws the samples from it"
     mended = mending_lines(subject.samples.provenance, looked_for=True)
-    if subject.kind == "measurement" and "tilt" not in subject.samples.provenance:
+    if subject.kind == "measurement" and not subject.samples.isotropic and "tilt" not in subject.samples.provenance:
         mended.append(_NO_TILT)
     return InfoResult(subject.name, subject.kind, facts, rows, tuple(mended), tuple(suspected), asked)
 

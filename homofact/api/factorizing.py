@@ -137,6 +137,7 @@ def factorize(
     drawn = extras.installed("matplotlib")
     check_folder(folder, force)
 
+    from homofact.brdf.source import with_tilt_looked_at
     from homofact.evaluation.compare import fit_and_measure
     from homofact.evaluation.estimate import TimeEstimate, fit_seconds, training_count
     from homofact.exporting.images import LIBRARIES
@@ -145,7 +146,7 @@ def factorize(
     steps = ProgressSteps(progress)
     with claimed(folder):
         steps.stage("reading")
-        subject, subset = open_given(source, seed), subset_of(source)
+        subject, subset = with_tilt_looked_at(open_given(source, seed)), subset_of(source)
         steps.warm_up()
         baseline = mccool_like(chosen)
         fits = [chosen] if baseline == chosen else [chosen, baseline]

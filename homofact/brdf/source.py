@@ -16,13 +16,14 @@ from homofact.brdf.in_kind import Pairs
 from homofact.brdf.materials import material
 from homofact.brdf.quality.coverage import holes, spread
 from homofact.brdf.quality.faults import evaluated_faults
-from homofact.brdf.quality.mending import mended, straightened, wanted
+from homofact.brdf.quality.mending import looked_at, mended, straightened, wanted
 from homofact.brdf.quality.scatter import local_scatter
 from homofact.brdf.reflectance import Derived, Reflectance
 from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
 from homofact.brdf.scattered import Scattered, made_of_samples
 from homofact.brdf.source_names import (
+    AUTOMATIC,
     DEFAULT_CALIBRATE,
     DEFAULT_COUNT,
     DEFAULT_SCHEME,
@@ -235,14 +236,26 @@ def _mended(
             raise BadInput(where="dismiss", found=f"it with {name}", expected="a measurement with it")
         samples = dismissed(samples, dismiss)
     source = replace(source, reflectance=reflectance, samples=samples)
+    listed = made_of_samples(source.reflectance)
     gains = [kind for kind in kinds if kind in GAINS]
-    if not gains and clipped is None:
-        return source
-    if not made_of_samples(source.reflectance):
+    if not listed and (gains or clipped is not None):
         option = "calibrate" if gains else "clipped"
         raise BadInput(f"{name} can be evaluated anywhere", where=option, expected="a measurement's samples with it")
-    samples = mended(source.samples, gains, clipped)
+    if not listed or (not kinds and clipped is None):
+        return source
+    samples = mended(source.samples, kinds, clipped)
     return replace(source, samples=samples, reflectance=Scattered(samples, epsilon=source.default_epsilon))
+
+
+def with_tilt_looked_at(source: Source) -> Source:
+    """Return a source of scattered samples with the tilt that is seen in them in their provenance.
+
+    Others are returned as they are, and so is a source that was opened without "auto" in `calibrate`.
+    """
+    asked = source.opening is None or AUTOMATIC in source.opening.calibrate
+    if not asked or source.kind != "measurement" or not made_of_samples(source.reflectance):
+        return source
+    return replace(source, samples=looked_at(source.samples))
 
 
 def _opened(text: str, channels: str, count: int, scheme: str, seed: int) -> Source:

@@ -64,7 +64,7 @@ def factorize(
         from homofact.brdf.quality.mending import mending_lines
 
         records, verdict = found.records(), found.row.verdict
-        screen.show(*map(Text, mending_lines(found.source.samples.provenance)))
+        screen.show(*(hanging(line, 0) for line in mending_lines(found.source.samples.provenance)))
         # What was made and how good it is come first, the evidence after, and last what to do with it.
         screen.show(
             Text(_headline(found)),

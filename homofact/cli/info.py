@@ -4,7 +4,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.text import Text
 
 from homofact.cli import options as o
 from homofact.cli.layout import hanging
@@ -82,7 +81,7 @@ def _show(found: "InfoResult", screen: Screen) -> None:
     if "read_by" in found.facts:
         commands = [f"homofact {_READING[name].format(file=found.facts['file'])}" for name in found.facts["read_by"]]
         rows = rows | {"read_by": commands}
-    screen.show(facts_table(found.name, rows), *map(Text, found.mended))
+    screen.show(facts_table(found.name, rows), *(hanging(line, 0) for line in found.mended))
     if found.suspected:
         lines = [hanging(f"- {suspicion.line()}", len("- ")) for suspicion in found.suspected]
         screen.show("Suspected, with the odds against the data as they stand:", *lines)

@@ -6,7 +6,6 @@ from pathlib import Path
 import pytest
 import torch
 
-from homofact import info
 from homofact.brdf.formats import csv, read_samples
 from homofact.brdf.materials import material
 from homofact.brdf.samples import Samples
@@ -78,7 +77,8 @@ def test_info_says_the_gains_and_svd_takes_no_bounds(
     assert not (tmp_path / "o").exists()
 
 
-def test_info_says_that_no_tilt_was_looked_for_in_a_list_and_only_there(paint: Path) -> None:
-    said = info(paint).mended
-    assert [line for line in said if "not looked for" in line] == list(said) != []
-    assert info("material:phong-30").mended == ()
+def test_convert_and_factorize_say_what_they_found_of_a_tilt(
+    paint: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["convert", str(paint), str(tmp_path / "straight.csv"), "--calibrate", "tilt"]) == 0
+    assert "tilt" in capsys.readouterr().out

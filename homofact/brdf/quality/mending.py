@@ -7,10 +7,12 @@ from typing import Any
 from homofact.brdf.quality.clipping import marked
 from homofact.brdf.quality.gains import calibrated
 from homofact.brdf.quality.tilt import find_tilt
+from homofact.brdf.quality.tilt_of_samples import find_tilt_of_samples, straightened_samples
 from homofact.brdf.reflectance import Reflectance, innermost
 from homofact.brdf.rgl import AdaptiveTable
 from homofact.brdf.samples import Samples
-from homofact.brdf.source_names import AUTOMATIC, CALIBRATIONS, DISMISSED, NOTHING, TILT
+from homofact.brdf.scattered import made_of_samples
+from homofact.brdf.source_names import AUTOMATIC, CALIBRATIONS, DISMISSED, GAINS, NOTHING, TILT
 from homofact.brdf.table import AngleTable
 from homofact.brdf.tilt import Straightened
 from homofact.errors import BadInput
@@ -35,20 +37,25 @@ def straightened(
     """Return a measured table and the samples drawn from it with the tilt of the sample undone, where there is one.
 
     `calibrate` as `open_source` takes it: "auto" passes over what no tilt can be found of, "tilt" raises BadInput.
-    provenance["tilt"] has what was found (`TiltFinding.record`).
+    provenance["tilt"] has what was found (`TiltFinding.record`). A list of samples is left to `mended`.
     """
     if not {AUTOMATIC, TILT} & set(calibrate) or "tilt" in samples.provenance:
         return reflectance, samples
     table = innermost(reflectance)
-    measured = isinstance(table, AdaptiveTable | AngleTable)
-    if not measured or not samples.isotropic:
+    measured, listed = isinstance(table, AdaptiveTable | AngleTable), made_of_samples(reflectance)
+    if not (measured or (listed and TILT in calibrate)) or not samples.isotropic:
         if TILT in calibrate:
-            what = "which is no measured table" if not measured else "which is anisotropic"
-            expected = "a measured table of an isotropic material with it"
-            raise BadInput(where="calibrate", found=f"{TILT!r} for {name}, {what}", expected=expected)
+            what = "which is no measurement" if not (measured or listed) else "which is anisotropic"
+            raise BadInput(
+                where="calibrate",
+                found=f"{TILT!r} for {name}, {what}",
+                expected="a measurement of an isotropic material with it",
+            )
+        return reflectance, samples
+    if listed:
         return reflectance, samples
     found = find_tilt(table)
-    provenance = samples.provenance | {"tilt": found.record()}
+    provenance = samples.provenance | {"tilt": found.record() | {"asked": TILT in calibrate}}
     if found.tilt is None:
         return reflectance, replace(samples, provenance=provenance)
     if isinstance(reflectance, AdaptiveTable):
@@ -60,20 +67,37 @@ def straightened(
     return reflectance, replace(samples, values=values, provenance=provenance)
 
 
-def mended(samples: Samples, gains: Sequence[str], clipped: float | str | None) -> Samples:
-    """`samples` as `clipping.marked` and `gains.calibrated` make them: the level is one of the values as they stand.
+def mended(samples: Samples, calibrate: Sequence[str], clipped: float | str | None) -> Samples:
+    """Return a list of samples without clipped values, gains and a tilt, as far as `calibrate` asks for it.
 
-    Raises BadInput as these do.
+    Clipped values are those of the samples as they stand, and the rings of gains those of the directions as they stand,
+    so the tilt comes last. Raises BadInput as `clipping.marked` and `gains.calibrated` do.
     """
     if clipped is not None:
         samples = marked(samples, clipped)
-    return calibrated(samples, gains)
+    samples = calibrated(samples, [kind for kind in calibrate if kind in GAINS])
+    if TILT not in calibrate:
+        return samples
+    found = find_tilt_of_samples(samples)
+    straight = samples if found.tilt is None else straightened_samples(samples, found.tilt)
+    record = found.record() | {"asked": True, "left_out": len(samples) - len(straight)}
+    return replace(straight, provenance=samples.provenance | {"tilt": record})
+
+
+def looked_at(samples: Samples) -> Samples:
+    """Return isotropic samples of a list with the tilt that is seen in them in their provenance; it is left in."""
+    if not samples.isotropic or "tilt" in samples.provenance:
+        return samples
+    record = find_tilt_of_samples(samples).record(undone=False)
+    return replace(samples, provenance=samples.provenance | {"tilt": record})
 
 
 def mending_lines(provenance: dict[str, Any], looked_for: bool = False) -> list[str]:
     """What was done to samples of this provenance, a line each, for people; a tilt `looked_for` in vain as well."""
-    tilt = provenance.get("tilt", {})
-    lines = [tilt["words"]] if tilt.get("undone") or (tilt and looked_for) else []
+    tilt = provenance.get("tilt") or {}
+    lines = [tilt["words"]] if tilt and (looked_for or any(map(tilt.get, ("undone", "left_in", "asked")))) else []
+    if tilt.get("left_out"):
+        lines.append(f"samples left out, below the horizon of the straightened sample: {tilt['left_out']}")
     lines += [facts["words"] for facts in provenance.get("gains", {}).values()]
     for name, facts in provenance.get("clipped", {}).items():
         lines.append(f"clipped: {facts['samples']} values of {name} at {facts['level']:.4g} sr⁻¹ are taken as bounds")

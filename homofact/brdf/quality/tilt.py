@@ -16,20 +16,14 @@ taken off; the misfit found there is the part of e that is the table's own.
 The interval is a bootstrap's. Pairs near each other share the errors of one slice of the table, so not pairs are drawn
 but blocks of them, by θd: an angle that one incidence wants and the next does not has a wide interval.
 
-A tilt is claimed where the odds are clear:
-
-* the interval leaves out 0, and the angle is at least `LEAST` and not at the edge of the search;
-* pairs whose half vector lies near the plane of incidence want half of the angle on their own: a tilt shows there most,
-  while an anisotropic material that was read as isotropic lacks reciprocity out of that plane;
-* e falls by `LEAST_GAIN`, and e² by more than the table's own part;
-* a gain over the angle with one number as well, g(ωi, ωo) exp(c (θi² − θo²)), which a wrong cosine or an uneven lamp
-  brings, leaves more. In a wide lobe the two look much alike.
+A tilt is claimed where the odds are clear (`quality.tilt_finding`), and where a gain over the angle with one number,
+g(ωi, ωo) exp(c (θi² − θo²)), which a wrong cosine or an uneven lamp brings, leaves more. In a wide lobe the two look
+much alike.
 """
 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 import torch
@@ -39,103 +33,36 @@ from homofact.brdf.adaptive import refilled
 from homofact.brdf.in_kind import answering_in_kind
 from homofact.brdf.pair_density import density, draw_lobe
 from homofact.brdf.quality.least_angle import COARSE, FINE, LeastAngle, steps_round
+from homofact.brdf.quality.tilt_finding import (
+    BLOCKS,
+    LEAST_MISFIT,
+    SEARCHED,
+    TiltAngle,
+    TiltFinding,
+    blocks_of,
+    doubted,
+    unknown,
+)
 from homofact.brdf.reflectance import Derived, Reflectance
 from homofact.brdf.rgl import AdaptiveTable
 from homofact.brdf.table import AngleTable
 from homofact.brdf.tilt import Straightened, Tilt
-from homofact.geometry.coordinates import rusinkiewicz_angles
-from homofact.geometry.directions import normalize, to_spherical
+from homofact.geometry.directions import to_spherical
 
 LIMIT = math.radians(70)
-PAIRS, BLOCKS = 7000, 14
-SEARCHED = 0.6  # degrees to both sides
-LEAST = 0.005  # degrees
-LEAST_GAIN = 0.1
-LEAST_NEAR_PLANE = 0.5
-LEAST_MISFIT = 2e-3  # below it nothing is looked for: a clean table
+PAIRS = 7000
 _FEW = 5
 _Partner = Callable[[Tensor, Tensor], tuple[Tensor, Tensor]]
-
-
-@dataclass(frozen=True)
-class TiltAngle:
-    """One angle in degrees with its 95% interval, and the relative misfit of the head without and with it undone.
-
-    `near_plane` is the angle that pairs near the plane of incidence alone want, `own` the misfit that the table's nodes
-    make of a reciprocal material, 0 where that is not known. `reason` says why the angle is not claimed; it is empty
-    where it is.
-    """
-
-    degrees: float
-    low: float
-    high: float
-    misfit: float
-    undone: float
-    near_plane: float
-    own: float = 0.0
-    reason: str = ""
-
-    @property
-    def claimed(self) -> bool:
-        """Whether the odds are clear."""
-        return not self.reason
-
-    def record(self) -> dict[str, Any]:
-        """Return a JSON-able dictionary."""
-        return {
-            "degrees": round(self.degrees, 4),
-            "interval": [round(self.low, 4), round(self.high, 4)],
-            "misfit": round(self.misfit, 5),
-            "misfit_undone": round(self.undone, 5),
-            "misfit_of_the_table": round(self.own, 5),
-            "near_the_plane_of_incidence": round(self.near_plane, 4),
-            "claimed": self.claimed,
-            **({"reason": self.reason} if self.reason else {}),
-        }
-
-
-@dataclass(frozen=True)
-class TiltFinding:
-    """What was found of a measurement: the angle in the plane of incidence (reciprocity) and across it (mirror)."""
-
-    in_plane: TiltAngle
-    out_of_plane: TiltAngle
-
-    @property
-    def tilt(self) -> Tilt | None:
-        """What is to be undone; None where nothing is claimed."""
-        angles = [angle.degrees if angle.claimed else 0.0 for angle in (self.in_plane, self.out_of_plane)]
-        return Tilt(*(math.radians(angle) for angle in angles)) if any(angles) else None
-
-    def record(self) -> dict[str, Any]:
-        """Return a JSON-able dictionary."""
-        angles = {"in_plane": self.in_plane.record(), "out_of_plane": self.out_of_plane.record()}
-        return angles | {"undone": self.tilt is not None, "words": self.line()}
-
-    def line(self) -> str:
-        """Return one line for people."""
-        parts = [
-            f"{angle.degrees:+.3f}° {where} (95% interval {angle.low:+.3f}° to {angle.high:+.3f}°), which lowers the "
-            f"{law} error from {angle.misfit:.1%} to {angle.undone:.1%}"
-            for where, law, angle in (
-                ("in the plane of incidence", "reciprocity", self.in_plane),
-                ("across the plane of incidence", "mirror", self.out_of_plane),
-            )
-            if angle.claimed
-        ]
-        if parts:
-            return f"the sample was tilted: undone {' and '.join(parts)}"
-        return f"no tilt of the sample undone: {self.in_plane.reason}"
 
 
 def find_tilt(reflectance: Reflectance, seed: int = 0) -> TiltFinding:
     """Return the tilt of an isotropic measurement that can be evaluated anywhere; the same seed gives the same bits."""
     pairs = _TiltPairs.drawn(seed)
     if _incidences(reflectance) < 2:
-        unknown = TiltAngle(0.0, -SEARCHED, SEARCHED, 0.0, 0.0, 0.0, reason="light from one angle shows no reciprocity")
-        return TiltFinding(unknown, unknown)
+        nothing = unknown("light from one angle shows no reciprocity")
+        return TiltFinding(nothing, nothing)
     found = _without_the_tables_own(pairs, reflectance, pairs.angle(reflectance, Tilt, _swapped))
-    in_plane = _doubted(pairs.with_undone(found, reflectance, Tilt, _swapped), "reciprocal")
+    in_plane = doubted(pairs.with_undone(found, reflectance, Tilt, _swapped), "reciprocal")
     if in_plane.claimed and (levelled := pairs.levelled(reflectance)) < in_plane.undone:
         reason = (
             f"a gain over the angle explains the lack of reciprocity better (of {in_plane.misfit:.1%} it leaves "
@@ -148,7 +75,7 @@ def find_tilt(reflectance: Reflectance, seed: int = 0) -> TiltFinding:
         return Tilt(held, angle)
 
     found = pairs.angle(reflectance, across, _mirrored)
-    out_of_plane = _doubted(pairs.with_undone(found, reflectance, across, _mirrored), "mirrored")
+    out_of_plane = doubted(pairs.with_undone(found, reflectance, across, _mirrored), "mirrored")
     return TiltFinding(in_plane, out_of_plane)
 
 
@@ -168,29 +95,6 @@ def _incidences(reflectance: Reflectance) -> int:
     if isinstance(reflectance, AdaptiveTable):
         return len(reflectance.theta_i)
     return len(reflectance.axes[0].nodes) if isinstance(reflectance, AngleTable) else 2
-
-
-def _doubted(angle: TiltAngle, law: str) -> TiltAngle:
-    """The angle with the reason why it is not claimed, if there is one."""
-    span = f"95% interval {angle.low:+.3f}° to {angle.high:+.3f}°"
-    if angle.misfit <= LEAST_MISFIT:
-        reason = f"the values are {law} within {angle.misfit:.1%}"
-    elif angle.low <= 0 <= angle.high:
-        reason = f"no angle is distinguishable from 0 ({span})"
-    elif abs(angle.degrees) > SEARCHED - COARSE:
-        reason = f"no angle within {SEARCHED:g}° makes the values {law} (error {angle.misfit:.1%})"
-    elif abs(angle.degrees) < LEAST:
-        reason = f"the angle is below {LEAST:g}° ({span})"
-    elif law == "reciprocal" and angle.near_plane / angle.degrees < LEAST_NEAR_PLANE:
-        reason = (
-            f"pairs near the plane of incidence want {angle.near_plane:+.3f}° and all pairs {angle.degrees:+.3f}°,"
-            " which no tilt explains"
-        )
-    elif angle.undone > (1 - LEAST_GAIN) * angle.misfit or angle.misfit**2 - angle.undone**2 < angle.own**2:
-        reason = f"a tilt explains too little: undone, the error falls from {angle.misfit:.1%} to {angle.undone:.1%}"
-    else:
-        reason = ""
-    return replace(angle, reason=reason)
 
 
 def _swapped(wi: Tensor, wo: Tensor) -> tuple[Tensor, Tensor]:
@@ -229,10 +133,7 @@ class _TiltPairs:
         within = torch.minimum(wi[:, 2], wo[:, 2]) > math.cos(LIMIT)
         wi, wo = wi[within][:PAIRS], wo[within][:PAIRS]
         weight = (wi[:, 2] * wo[:, 2]) ** 2 / density("lobe", wi, wo)
-        edges = torch.linspace(0, LIMIT, BLOCKS + 1, dtype=wi.dtype)[1:-1]
-        block = torch.bucketize(rusinkiewicz_angles(wi, wo)[1].contiguous(), edges)
-        (_, phi_h), (_, phi_i) = to_spherical(normalize(wi + wo)), to_spherical(wi)
-        return cls(wi, wo, weight, block + BLOCKS * (torch.sin(phi_h - phi_i).abs() > 0.5))
+        return cls(wi, wo, weight, blocks_of(wi, wo, LIMIT))
 
     def angle(
         self, reflectance: Reflectance, tilt: Callable[[float], Tilt], partner: _Partner, coarse: float = SEARCHED

@@ -19,6 +19,7 @@ from homofact.errors import Advice
 
 _RINGS = 18
 _FEWEST_ON_A_RING = 12
+_CERTAIN_STEP = 0.01  # of logs: what a clean material shows between rings
 _FEWEST_FOR_GAINS = 1500
 _TOLD = 0.5  # of the variance of a row's place, left when an angle is known
 
@@ -81,32 +82,45 @@ def _gains(evidence: Evidence) -> Figures | None:
 
 
 def _ring(evidence: Evidence) -> Figures | None:
-    """The largest step of a ring of θi or θo against its neighbours: its log, and its log over the usual step."""
-    best: tuple[float, float] | None = None
+    """The largest step of a ring against its neighbours: its log, its log over the usual step, whether it is one of θo,
+    and its angle in degrees.
+
+    The steps beside the largest are due to the same ring, and are not asked for the usual one.
+    """
+    best: Figures | None = None
     _, weight = evidence.logs
-    for theta in _thetas(evidence):
-        rounded = np.round(theta, 3)
-        rings = np.unique(rounded)
-        if len(rings) > len(theta) / 20:
-            edges = np.unique(np.quantile(theta, np.linspace(0, 1, _RINGS + 1)))
-            number = np.clip(np.searchsorted(edges, theta, side="right") - 1, 0, len(edges) - 2)
-        else:
-            number = np.searchsorted(rings, rounded)
-        count = int(number.max()) + 1
+    for side, theta in enumerate(_thetas(evidence)):
+        number, count = _ring_numbers(theta)
         if count < 6:
             continue
-        members = np.eye(count)[number]
-        trusted = (members * (weight > 0.1)[:, None]).sum(0) >= _FEWEST_ON_A_RING
+        members = (number[:, None] == np.arange(count)).astype(float)
+        trusted = ((members * (weight > 0.1)[:, None]).sum(0) >= _FEWEST_ON_A_RING)[1:-1]
         odd = odd_columns(evidence)
         gains = evidence.fitted(np.column_stack([odd, members])).further[odd.shape[1] :]
         # Bent twice: a smooth gain over the angle has no steps.
-        bent = np.abs(gains[1:-1] - (gains[:-2] + gains[2:]) / 2)[trusted[1:-1]]
-        if len(bent) < 4:
+        bent = np.abs(gains[1:-1] - (gains[:-2] + gains[2:]) / 2) * trusted
+        largest = int(bent.argmax())
+        others = bent[trusted & (np.abs(np.arange(len(bent)) - largest) > 1)]
+        if len(others) < 3:
             continue
-        largest = float(bent.max())
-        figures = math.log(largest + 1e-4), math.log((largest + 1e-3) / (float(np.median(bent)) + 1e-3))
-        best = figures if best is None else max(best, figures)
+        step = float(bent[largest])
+        at = math.degrees(float(theta[number == largest + 1].mean()))
+        usual = math.log(step / (float(np.median(others)) + _CERTAIN_STEP) + 1e-4)
+        best = max(best or (-math.inf,), (math.log(step + 1e-4), usual, float(side), at))
     return best
+
+
+def _ring_numbers(theta: np.ndarray) -> tuple[np.ndarray, int]:
+    """The ring of each angle (N,) and how many rings there are: those on which many samples lie, −1 for other samples.
+
+    Where most samples are on no such ring there are `_RINGS` bins with as many samples each.
+    """
+    _, inverse, counts = np.unique(np.round(theta, 3), return_inverse=True, return_counts=True)
+    full = counts >= _FEWEST_ON_A_RING
+    if counts[full].sum() >= len(theta) / 2:
+        return np.where(full, np.cumsum(full) - 1, -1)[inverse], int(full.sum())
+    edges = np.unique(np.quantile(theta, np.linspace(0, 1, _RINGS + 1)))
+    return np.clip(np.searchsorted(edges, theta, side="right") - 1, 0, len(edges) - 2), len(edges) - 1
 
 
 def _colours(evidence: Evidence) -> np.ndarray | None:
@@ -179,8 +193,8 @@ CHECKS = (
     ),
     Check(
         "ring", _ring,
-        lambda f: f"one ring of angles is off its neighbours by {_percent(math.exp(f[0]))}; a narrow highlight between"
-        " coarse rings can look like it",
+        lambda f: f"the ring at {'θo' if f[2] else 'θi'} = {f[3]:.3g}° is off its neighbours by"
+        f" {_percent(math.exp(f[0]))}; a narrow highlight between coarse rings can look like it",
         remedy=f"{_MEASURE_AGAIN}, or {Advice('calibrate', 'rings')}",
     ),
     Check(
