@@ -76,7 +76,8 @@ class SourceSettings(_Checked):
     scheme: str = option(DEFAULT_SCHEME, "Where pairs are drawn from an analytic model", choices=SCHEMES, panel=SOURCE)
     calibrate: tuple[str, ...] = option(
         DEFAULT_CALIBRATE,
-        "Faults of the instrument to correct; auto corrects a tilt in a whole table if the evidence is clear",
+        "Faults of the instrument to correct; auto corrects a tilt in a whole table if the evidence is clear, tilt also"
+        " in a list of samples",
         choices=CALIBRATIONS, separators="+,", metavar="A+B",
         expected_instead=none_twice, panel=SOURCE,
     )  # fmt: skip

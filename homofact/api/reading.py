@@ -28,8 +28,9 @@ def read(
     channels : "rgb", "luminance", "spectral" or the name of one channel, of a file or a material.
     count, scheme, seed : how many pairs of directions are drawn of what can be evaluated anywhere, and how ("lobe",
         "discs", "cosine" or "grid").
-    calibrate : faults of the instrument to undo: the sample's "tilt" (`brdf.quality.tilt`), gains by "rings" and by
-        "rows" (`brdf.quality.gains`), "auto" for a tilt where the odds are clear, or "none".
+    calibrate : faults of the instrument to undo: the sample's "tilt" (`brdf.quality.tilt`, and `tilt_of_samples` for
+        lists), gains by "rings" and by "rows" (`brdf.quality.gains`), "auto" for a tilt in a whole table where the
+        odds are clear, or "none".
     clipped : values of so many sr⁻¹ and more, or of the level that is "found", are taken as bounds
         (`brdf.quality.clipping`). Only measured samples have gains or clipped values.
     dismiss : names of suspicions that `info` has raised and that you have checked, or "all": neither `info` nor a

@@ -30,21 +30,32 @@ hundredths to tenths of a degree off the mirror direction, to one side, and to t
 are swapped. A sample that leans by such an angle makes them. A reciprocal fit blurs such a highlight, and a fit
 without reciprocity turns it into a bright and a dark side.
 
-`homofact info FILE` prints what it finds, and every command that reads the file undoes it:
+`homofact info FILE` prints what it finds. A file with a whole table, such as RGL's, is straightened by every command
+that reads it:
 
     homofact info irid_flake_paint1_rgb.bsdf
     homofact factorize irid_flake_paint1_rgb.bsdf                    # straightened where the odds are clear
     homofact factorize irid_flake_paint1_rgb.bsdf --calibrate none   # the measurement as it is
     homofact convert irid_flake_paint1_rgb.bsdf straight.bsdf        # the straightened measurement
 
-From Python, `homofact.read(path, calibrate=["none"])` leaves the tilt in, and `read(path).samples.provenance["tilt"]`
-has the angle, its interval and the errors. `calibrate="tilt"` fails where no tilt can be looked for.
+A list of samples (CSV, ASTM and others) stays as it is until you ask. `info` and `factorize` name a tilt that they see,
+with the option that undoes it:
+
+    homofact info paint.csv                            # the sample was tilted by +0.198° in the plane of incidence ...
+    homofact factorize paint.csv --calibrate tilt      # straightened where the odds are clear
+    homofact convert paint.csv straight.csv --calibrate tilt
+
+In Python, `homofact.read(path, calibrate=["none"])` leaves the tilt in, and `["tilt"]` undoes that of a list too.
+`read(path).samples.provenance["tilt"]` has the angle, its interval and the errors. `["tilt"]` fails where no tilt can
+be looked for: in an anisotropic measurement and in a model.
 
 ## How it works
 
 homofact turns both directions of each pair by one angle δ in the plane of incidence and looks for the δ that makes
 the measurement most reciprocal. It needs no fit. The derivation is in `homofact/brdf/tilt.py`, the search and its
-interval in `homofact/brdf/quality/tilt.py`.
+interval in `homofact/brdf/quality/tilt.py`. In a list few pairs were also measured with light and viewer swapped. There
+homofact looks for the δ at which each value is best predicted from all the others, on the one smooth surface over half
+and difference angles that a reciprocal material has (`homofact/brdf/quality/tilt_of_samples.py`).
 
 - **Reciprocity shows one angle.** A lean of the sample and errors of the two arms act through their sum alone, so the
   table gives one δ. A lean across the plane of incidence shows where a file tells the two sides of that plane apart;
@@ -57,15 +68,17 @@ interval in `homofact/brdf/quality/tilt.py`.
 - **A tilt is undone only if** its interval excludes 0, it is at least 0.005°, pairs near the plane of incidence want at
   least half of it on their own (an anisotropic sample that was measured as isotropic does not), it lowers the lack of
   reciprocity by a tenth and by more than the table's own error, and it explains that lack better than a gain over the
-  angle with one number, such as a forgotten cosine.
+  angle with one number, such as a forgotten cosine. In a list the error of the predictions has to fall by a tenth.
 
 ## Measured
 """
 
 LIMITS = """## Limits
 
-- homofact treats isotropic tables that can be evaluated anywhere (`.bsdf`, `.mbsdf`). It does not look for a tilt in
-  scattered samples, and a tilt that turns with an anisotropic sample leaves reciprocity whole and does not show.
+- homofact looks for a tilt of isotropic samples only. One that turns with an anisotropic sample leaves reciprocity
+  whole and does not show. In a list it looks for the tilt in the plane of incidence alone.
+- The coarser a list is across its highlights, the larger a tilt has to be to be seen. See
+  [Tilts in lists of samples](measured.md#tilts-in-lists-of-samples).
 - In lobes wider than about 6° a tilt and a gain over the angle look alike, and the interval grows to tenths of a
   degree.
 - One angle serves all incidences.

@@ -1,7 +1,9 @@
 """Samples of a goniometer by the direction of their light, with the part of the hemisphere that is nearest to each.
 
 A sum over a ring is an integral over the viewer's directions: Σ f w = ∫ f cosθo dωo, each direction with the nearest
-sample of its ring. Samples that lie scattered, and rings with too few samples, have none.
+sample of its ring. Of isotropic materials the nearest is the one at the nearest place about the half vector
+(`brdf.places`): a highlight that was measured in the plane of incidence is as wide across it, where the nearest view
+can be the highlight's own top. Samples that lie scattered, and rings with too few samples, have none.
 """
 
 import math
@@ -11,6 +13,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from homofact.brdf.places import half_places
 from homofact.brdf.samples import Samples
 from homofact.brdf.symmetry import RING_WIDTH, angles_of_pairs
 from homofact.geometry.directions import from_spherical, to_spherical
@@ -63,11 +66,17 @@ def _weights(wi: Tensor, wo: Tensor, isotropic: bool) -> Tensor | None:
     """As `LitRing.weights`; of an isotropic material both sides of the plane of incidence are alike."""
     steps = (torch.arange(_STEPS, dtype=torch.float64) + 0.5) / _STEPS
     spokes, turn = (steps, math.pi) if isotropic else (torch.cat((steps, steps + 1)) / 2, 2 * math.pi)
-    theta, phi = torch.meshgrid(steps * (math.pi / 2), spokes * turn, indexing="ij")
-    places = from_spherical(*angles_of_pairs(wi, wo)[:, 1:].unbind(1)) if isotropic else wo.double()
-    apart, nearest = tree_of(places.cpu().numpy()).query(from_spherical(theta.ravel(), phi.ravel()).numpy())
+    theta, phi = (each.ravel() for each in torch.meshgrid(steps * (math.pi / 2), spokes * turn, indexing="ij"))
+    views = from_spherical(theta, phi)
+    angles = angles_of_pairs(wi, wo)
+    places = from_spherical(angles[:, 1], angles[:, 2]) if isotropic else wo.double()
+    apart, nearest = (np.asarray(each) for each in tree_of(places.cpu().numpy()).query(views.numpy()))
     cell = (math.pi / 2 / _STEPS) * (math.pi / _STEPS) * (2 if isotropic else 1)
-    weight = (torch.sin(theta) * torch.cos(theta) * cell).ravel()
-    if float(weight[torch.from_numpy(np.asarray(apart)) > _NEAR].sum()) > _FAR_PART * math.pi:
+    weight = torch.sin(theta) * torch.cos(theta) * cell
+    if float(weight[torch.from_numpy(apart) > _NEAR].sum()) > _FAR_PART * math.pi:
         return None
-    return torch.zeros(len(wi), dtype=torch.float64).index_add_(0, torch.from_numpy(np.asarray(nearest)), weight)
+    if isotropic:
+        lit = from_spherical(angles[:, 0].mean(), torch.zeros((), dtype=torch.float64)).expand_as(views)
+        tree = tree_of(half_places(wi, wo, True).cpu().numpy())
+        nearest = np.asarray(tree.query(half_places(lit, views, True).numpy())[1])
+    return torch.zeros(len(wi), dtype=torch.float64).index_add_(0, torch.from_numpy(nearest), weight)
