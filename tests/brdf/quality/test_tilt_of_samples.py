@@ -158,6 +158,7 @@ def test_a_tilt_of_a_list_is_undone_where_it_is_asked_for(leaning: Samples) -> N
     straight = source_of(leaning, calibrate=["tilt"])
     facts = straight.samples.provenance["tilt"]
     assert facts["undone"]
+    assert not facts["left_in"]
     assert facts["left_out"] == len(leaning) - len(straight.samples)
     expected = straightened_samples(leaning, Tilt(math.radians(facts["in_plane"]["degrees"])))
     assert torch.allclose(straight.samples.wo, expected.wo, atol=1e-6)
