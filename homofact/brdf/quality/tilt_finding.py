@@ -98,7 +98,7 @@ class TiltFinding:
             if angle.claimed
         ]
         if not found:
-            return f"no tilt of the sample undone: {self.in_plane.reason}"
+            return f"no tilt of the sample {'undone' if undone else 'found'}: {self.in_plane.reason}"
         what = " and ".join(words for _, words, _ in found)
         gains = (f"the {error} from {angle.misfit:.1%} to {angle.undone:.1%}" for angle, _, error in found)
         doing = "undone, which" if undone else f"{Advice('calibrate', 'tilt')} undoes it, which"
@@ -109,7 +109,7 @@ def doubted(angle: TiltAngle, law: str) -> TiltAngle:
     """The angle with the reason why it is not claimed, if there is one."""
     span = f"95% interval {angle.low:+.3f}° to {angle.high:+.3f}°"
     if angle.misfit <= LEAST_MISFIT:
-        reason = f"the values are {law} within {angle.misfit:.1%}"
+        reason = f"the values are {law} within {LEAST_MISFIT:.1%}"
     elif angle.low <= 0 <= angle.high:
         reason = f"no angle is distinguishable from 0 ({span})"
     elif abs(angle.degrees) > SEARCHED - COARSE:
