@@ -24,6 +24,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from homofact.brdf.formats.nbrdf import material_names
@@ -90,6 +91,9 @@ class SweepTable(EvaluateSettings):
     source: SourceSettings = field(default_factory=SourceSettings)
     method: tuple[SweepMethodTable, ...]
     svbrdf: _SvbrdfTable | None = None
+
+    # No annotation, which would make it a key of the file.
+    INSTEAD = MappingProxyType({"epsilon": "it is a setting of each [[method]]"})
 
     def __post_init__(self) -> None:
         """Refuse what names nothing to fit. Raises BadInput."""

@@ -32,11 +32,11 @@ from homofact.brdf.sampling import sample_model
 from homofact.geometry.directions import from_spherical
 from homofact.linear.threads import one_thread
 from homofact.stability.fault import CasePart
-from scripts.verdict.planting import FAULTS
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from scripts.shared.harness import data_folder, finish, markdown, parser_of, progress
 from scripts.verdict.drawn_cases import NETWORKS, drawn_case
+from scripts.verdict.planting import FAULTS
 
 LAYOUTS = ("discs", "lobe", "rings", "noisy rings", "shuffled rings")
 ODDS = (50, 200, 1000, 1e5, math.inf)

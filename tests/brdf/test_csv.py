@@ -279,3 +279,10 @@ def test_colours_have_their_usual_names(header: str, names: tuple[str, ...], tmp
     row = ",".join(["0.3"] * len(names))
     file.write_text(f"theta_i,theta_o,dphi,{header}\n0.1,0.2,1,{row}\n0.2,0.1,2,{row}\n")
     assert csv.read(file).channels == names
+
+
+def test_an_azimuth_of_another_name_may_be_the_difference(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("theta_i,theta_o,phi_d,Y\n0.1,0.2,0.3,1\n", encoding="utf-8")
+    with refused("dphi"):
+        csv.read(path)

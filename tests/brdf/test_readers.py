@@ -26,7 +26,7 @@ def test_content_decides_and_the_name_does_not(tmp_path: Path) -> None:
     assert read_samples(text, "spectral").channels == ("400nm", "550nm", "700nm")
 
 
-@pytest.mark.parametrize("content", [b"hello\n", b"\x89PNG\r\n\x1a\n" + b"\0" * 100, b"\0" * 500, b"\n\n"])
+@pytest.mark.parametrize("content", [b"hello\n", b"\x89PKG\r\n\x1a\n" + b"\0" * 100, b"\0" * 500, b"\n\n"])
 def test_unknown_content_lists_the_formats(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "thing.brdf"
     path.write_bytes(content)
@@ -69,6 +69,14 @@ def test_a_table_that_is_nearly_a_csv_is_told_what_it_lacks(tmp_path: Path, text
         read_samples(path)
     assert "\n" not in str(caught.value)
     assert len(str(caught.value)) - len(str(path)) < 350
+
+
+@pytest.mark.parametrize("head", [b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n", b"\x89PNG\r\n\x1a\n\0\0"])
+def test_a_picture_is_called_one(tmp_path: Path, head: bytes) -> None:
+    path = tmp_path / "sky.hdr"
+    path.write_bytes(head)
+    with refused("it is a picture, no BRDF"):
+        read_samples(path)
 
 
 def test_how_an_unknown_file_begins_is_shown_as_text(tmp_path: Path) -> None:

@@ -146,6 +146,7 @@ MATERIALS_ALL = 'sources = ["material:*"]\n'
         (f"{MATERIALS_ALL}held_out = 2\n{METHOD}", "held_out", "2"),
         (f"{MATERIALS_ALL}name = ' '\n{METHOD}", "name", "an empty one"),
         (f"{MATERIALS_ALL}sedes = [1]\n{METHOD}", "sedes", "unknown key"),
+        (f"{MATERIALS_ALL}epsilon = 0.1\n{METHOD}", "epsilon", "unknown key"),
         (f'{MATERIALS_ALL}[source]\nchanels = "rgb"\n{METHOD}', "source.chanels", "unknown key"),
         (f"{MATERIALS_ALL}[source]\ncount = 0\n{METHOD}", "source.count", "0"),
         (f"{MATERIALS_ALL}[source]\npath = 'x'\n{METHOD}", "source.path", "'x'"),
@@ -156,3 +157,4 @@ def test_what_cannot_be_meant_is_refused(tmp_path: Path, text: str, where: str, 
     with pytest.raises(BadInput) as refusal:
         read_sweep(file)
     assert (refusal.value.where, refusal.value.found) == (f"{file}: {where}", found)
+    assert ("[[method]]" in refusal.value.hint) == (where == "epsilon")

@@ -158,7 +158,10 @@ def _form(path: object, number: int, names: list[str]) -> tuple[str, ...]:
             f"all of {', '.join(ANGLES)}, or {', '.join(DIFFERENCE)} (φo − φi), the same with _deg in degrees,"
             f" or all of {', '.join(VECTORS)}"
         )
-        raise line_fault(path, number, f"directions by {', '.join(given) or 'nothing'}", expected)
+        other = next((name for name in names if name.startswith("phi") and name not in given), None)
+        hint = "" if other is None else f"if {short(other)} is φo − φi, call it dphi"
+        problem = f"directions by {', '.join(given) or 'nothing'}"
+        raise BadInput(problem, where=f"{path}: line {number}", expected=expected, hint=hint)
     return whole[0]
 
 

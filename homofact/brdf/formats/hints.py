@@ -6,12 +6,15 @@ from homofact.files.text import numbered_lines, short
 _NAMES = f"{','.join(ANGLES)} (in degrees with _deg)"
 _EXPECTED = f"{_NAMES} or {','.join(VECTORS)}, and the channels"
 _SEPARATORS = ((";", "';'"), ("\t", "tabs"), (None, "blanks"))
+_IMAGES = (b"#?RADIANCE", b"#?RGBE", b"v/1\x01", b"\x89PNG", b"\xff\xd8\xff")  # HDR, EXR, PNG, JPEG
 _LEAST_COLUMNS = 5
 _MOST_NAMED = 6
 
 
 def hint_of(head: bytes) -> str | None:
     """Return advice on a file that begins with `head`; None if it is not text or does not look like a table."""
+    if head.startswith(_IMAGES):
+        return "it is a picture, no BRDF; environment maps light the scenes of `homofact.relight` and `homofact.edit`"
     if b"\0" in head:
         return None
     lines = [line for _, line in numbered_lines(head) if not line.startswith("#")][:2]
