@@ -127,10 +127,11 @@ class CompareResult:
     @property
     def warnings(self) -> list[str]:
         """What to beware of in the means: errors with different ε, and deviations of seeds that gave one fit."""
-        from homofact.evaluation.means import mixed_epsilons, same_fits
+        from homofact.evaluation.means import mixed_epsilons, same_fits, without_numbers
 
         measured = self.measured()
-        return [line for line in (self.with_means and mixed_epsilons(measured), same_fits(measured)) if line]
+        of_means = (mixed_epsilons(measured), without_numbers(measured)) if self.with_means else ()
+        return [line for line in (*of_means, same_fits(measured)) if line]
 
     def record(self) -> dict[str, Any]:
         """Return the JSON form."""

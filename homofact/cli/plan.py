@@ -223,9 +223,9 @@ def _lines(found: "ScenePlan", other: "ScenePlan | None") -> list[str]:
         )
     if found.allocated:
         lines.append(
-            f"The best choices together exceed {found.scene.budget.bytes} bytes. The plan distributes these so that the"
-            " materials' errors, each in parts of its limit and weighted by its share of the picture, have the least"
-            f" sum: {part_of_limit(found.error)}."
+            f"The best choices together take {found.wanted_bytes} bytes, more than the {found.scene.budget.bytes} of"
+            " the budget. The plan distributes these so that the materials' errors, each in parts of its limit and"
+            f" weighted by its share of the picture, have the least sum: {part_of_limit(found.error)}."
         )
     one = found.one_size
     if one is None:

@@ -29,6 +29,10 @@ if TYPE_CHECKING:
 PIXELS = 192
 
 
+# What people call a metric, as the pages do.
+METRIC_ALIASES = {"cole": "log_mse", "cole_error": "log_mse"}
+
+
 def chosen_metrics(names: Sequence[str]) -> tuple[str, ...]:
     """Return the metrics that `names` select, in their order and each once: "six", "all" or single names.
 
@@ -36,6 +40,7 @@ def chosen_metrics(names: Sequence[str]) -> tuple[str, ...]:
     """
     from homofact.evaluation.metric_table import METRICS, SIX
 
+    names = [METRIC_ALIASES.get(name, name) for name in names]
     unknown = [name for name in names if name not in (*METRICS, "six", "all")]
     if unknown or not names:
         found = repr(unknown[0]) if unknown else "none"

@@ -172,6 +172,25 @@ def mixed_epsilons(fits: Sequence[MeasuredFit]) -> str:
     )
 
 
+def without_numbers(fits: Sequence[MeasuredFit]) -> str:
+    """Return a note on metrics whose mean is missing since some sources have no number of them; else nothing.
+
+    Examples
+    --------
+    >>> fits = [MeasuredFit(name, "mccool", 0, 12, 3, {"rms": rms}, 1, 9, 2) for name, rms in (("a", 0.1), ("b", None))]
+    >>> without_numbers(fits)
+    'no mean of rms: b has none'
+    """
+    missing: dict[tuple[str, ...], list[str]] = {}
+    for name in fits[0].values if fits else ():
+        lacking = tuple(dict.fromkeys(fit.source for fit in fits if fit.values[name] is None))
+        if lacking:
+            missing.setdefault(lacking, []).append(name)
+    parts = (f"{', '.join(names)}: {' and '.join(lacking)} {'has' if len(lacking) == 1 else 'have'} none"
+             for lacking, names in missing.items())  # fmt: skip
+    return "; ".join(f"no mean of {part}" for part in parts)
+
+
 def same_fits(fits: Sequence[MeasuredFit]) -> str:
     """Return a warning if a method gave one and the same fit for all its seeds; else nothing.
 

@@ -124,6 +124,7 @@ class ScenePlan:
     """The plans of all materials in the scene's order; `fits` counts all fits, including those of `one_size`.
 
     `allocated` is true if the bytes are too few for all tolerances, so that they were distributed over the choices.
+    `wanted_bytes` are those of the choices before that, of which each alone is within the budget.
     """
 
     scene: Scene
@@ -133,6 +134,7 @@ class ScenePlan:
     fits: int
     exhaustive_fits: int
     allocated: bool = False
+    wanted_bytes: int = 0
 
     @property
     def tolerance_words(self) -> str:
@@ -283,7 +285,8 @@ def plan_scene(
         )
     distinct = tuple(plans.values())
     limit = scene.budget.bytes
-    over = limit is not None and sum(plan.outcome.bytes for plan in distinct if plan.outcome is not None) > limit
+    wanted = sum(plan.outcome.bytes for plan in distinct if plan.outcome is not None)
+    over = limit is not None and wanted > limit
     if over and limit is not None:
         clock.stage("distributing the bytes")
         distinct = share_out(distinct, scene, limit)
@@ -295,7 +298,7 @@ def plan_scene(
     different = {id(plan.fits): plan.fits for plan in distinct}.values()
     count = sum(len(fits.made) + len(fits.refused) for fits in different)
     exhaustive = sum(fits_among(fits.rungs) for fits in different)
-    return ScenePlan(scene, shown, one, planning, count, exhaustive, over)
+    return ScenePlan(scene, shown, one, planning, count, exhaustive, over, wanted)
 
 
 def share_out(plans: tuple[MaterialPlan, ...], scene: Scene, most_bytes: int) -> tuple[MaterialPlan, ...]:

@@ -20,7 +20,7 @@ def plan_record(plan: ScenePlan) -> dict[str, Any]:
         "seed": plan.scene.seed,
         "tolerance": None if plan.scene.tolerance is None else plan.scene.tolerance.record(),
         "margins": {kind: MARGINS[kind] for kind in plan.limited_kinds},
-        "budget": vars(plan.scene.budget) | {"shared_out": plan.allocated},
+        "budget": vars(plan.scene.budget) | {"shared_out": plan.allocated, "wanted_bytes": plan.wanted_bytes},
         "lightings": [
             {
                 "name": lighting.name,

@@ -4,8 +4,9 @@ import math
 
 from homofact.relighting.errors import RelightErrors
 
-# Below this PSNR in dB a picture looks wrong at first sight; above this relative RMS the rim does.
-_POOR, _POOR_RIM = 30.0, 0.2
+# Below this PSNR in dB a picture looks wrong at first sight; above this relative RMS the rim does, unless the picture's
+# PSNR is so high that the rim is a few dark pixels.
+_POOR, _POOR_RIM, _SAME = 30.0, 0.2, 45.0
 # The part of an error above which one stage makes most of it.
 _MOST = 0.7
 
@@ -38,7 +39,8 @@ def error_notes(name: str, found: RelightErrors | None, separate: bool) -> tuple
         return ()
     rim = found.errors.get("rim", 0.0)
     poor = [] if found.psnr is None or found.psnr >= _POOR else [f"PSNR {found.psnr:.1f} dB"]
-    poor += [f"an error of {rim:.0%} at the rim"] if rim > _POOR_RIM else []
+    same = found.psnr is not None and found.psnr >= _SAME
+    poor += [f"an error of {rim:.0%} at the rim"] if rim > _POOR_RIM and not same else []
     if not poor:
         return ()
     advice = "more kept coefficients or terms may help"

@@ -79,6 +79,10 @@ def test_an_unknown_metric_is_refused_with_all_names(
         chosen_metrics(())
 
 
+def test_the_cole_error_is_a_metric_by_its_name() -> None:
+    assert chosen_metrics(("cole", "log_mse", "mae")) == ("log_mse", "mae")
+
+
 def test_a_missing_library_is_said_before_the_fit(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -142,7 +142,7 @@ def test_bytes_are_shared_out_over_several_lightings(scene: Path, capsys: pytest
     assert main(["plan", str(scene), *QUICK, "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["bytes"] <= 50
-    assert found["budget"] == {"bytes": 50, "fetches": None, "shared_out": True}
+    assert found["budget"] == {"bytes": 50, "fetches": None, "shared_out": True, "wanted_bytes": 60}
     assert [each["name"] for each in found["lightings"]] == ["overcast", "sun"]
     assert set(found["materials"][1]["measured"]) == {"overcast", "sun"}
     assert found["materials"][1]["highlight_pixels"] > 0

@@ -15,7 +15,15 @@ from pylatexenc.latexwalker import LatexEnvironmentNode, LatexWalker
 from homofact.api.progress import ProgressStep, ProgressSteps
 from homofact.errors import BadInput
 from homofact.evaluation.latex_means import escaped, latex_of, rounded
-from homofact.evaluation.means import MeasuredFit, csv_of, mean_rows, mixed_epsilons, same_fits, settings_in_words
+from homofact.evaluation.means import (
+    MeasuredFit,
+    csv_of,
+    mean_rows,
+    mixed_epsilons,
+    same_fits,
+    settings_in_words,
+    without_numbers,
+)
 from homofact.evaluation.metric_table import METRICS
 from homofact.evaluation.seeds import asked_seeds
 from homofact.methods.cole import Cole
@@ -335,3 +343,10 @@ def test_progress_names_restarts_where_there_are_several(restarts: int, words: s
     steps.stage("fit")
     steps(FitProgress(1, 2, 1, restarts, 10, 0.1))
     assert told[-1].stage == words
+
+
+def test_sources_without_a_number_are_named_once_for_each_metric() -> None:
+    fits = [fit("paint", "search", 0, 12, 0.1), fit("clay", "search", 0, 12, None), fit("clay", "search", 1, 12, None)]
+    assert without_numbers(fits) == "no mean of log_mse: clay has none"
+    assert without_numbers(fits[:1]) == ""
+    assert without_numbers([]) == ""

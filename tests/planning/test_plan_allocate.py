@@ -90,6 +90,8 @@ def test_a_scene_over_its_budget_shares_it_out() -> None:
     scene = Scene("two", materials, light, tolerance, Budget(bytes=70))
     found = plan_scene(scene, options, fits_by_source)
     assert found.bytes <= 70
+    assert found.allocated == (found.wanted_bytes > 70)
+    assert free.wanted_bytes == free.bytes
     assert found.error < math.inf
     if free.bytes > 70:
         assert found.error >= free.error - 1e-12

@@ -12,7 +12,8 @@ def found(psnr: float | None, rim: float | None) -> RelightErrors:
 
 
 @pytest.mark.parametrize(
-    ("psnr", "rim", "noted"), [(29.9, 0.1, True), (40, 0.21, True), (30.1, 0.19, False), (None, None, False)]
+    ("psnr", "rim", "noted"),
+    [(29.9, 0.1, True), (40, 0.21, True), (46, 0.5, False), (30.1, 0.19, False), (None, None, False)],
 )
 def test_a_picture_is_noted_by_its_psnr_and_its_rim(psnr: float | None, rim: float | None, noted: bool) -> None:
     assert bool(error_notes("ball", found(psnr, rim), False)) is noted
