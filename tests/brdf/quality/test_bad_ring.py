@@ -1,5 +1,6 @@
 """A ring of angles that is off its neighbours is named by its angle, and a narrow highlight is no such ring."""
 
+import re
 from dataclasses import replace
 
 import pytest
@@ -41,7 +42,10 @@ def test_a_clean_highlight_is_no_bad_ring(roughness: float, step: float, noise: 
 @pytest.mark.parametrize("roughness", [0.1, 0.3])
 def test_a_dark_ring_is_named_by_its_angle(roughness: float, side: str, degrees: float) -> None:
     found = {each.name: each for each in suspicions(darkened(scanned(roughness, 0.5), side, degrees, 0.4))}
-    assert f"{side} = {degrees:g}°" in found["ring"].words
+    words = found["ring"].words
+    assert f"{side} = {degrees:g}°" in words
+    assert "darker" in words
+    assert int(re.findall(r"(\d+)% darker", words)[0]) == pytest.approx(40, abs=4)
 
 
 def test_only_angles_with_many_samples_are_rings() -> None:

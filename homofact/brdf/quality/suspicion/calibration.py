@@ -32,7 +32,7 @@ LOGISTIC: dict[str, tuple[tuple[float, ...], float]] = {
     "drift-in-time": ((2.0, 12.0), 5.5),
     "drift-with-angle": ((2.0, 4.0), 4.8),
     "gains": ((12.0, 0.0, 0.0), 40.9),  # even at 3.3% RMS; clean draws: under 2%
-    "ring": ((1.5, 4.0, 0.0, 0.0), -3.3),
+    "ring": ((1.5, 4.0, 0.0, 0.0, 0.0), -3.3),
     "shadow": ((8.0, 0.4), -3.3),
     "channels": ((2.0,), -2.0),
     "channel-late": ((3.0,), -1.5),

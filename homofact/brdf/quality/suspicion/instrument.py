@@ -83,7 +83,7 @@ def _gains(evidence: Evidence) -> Figures | None:
 
 def _ring(evidence: Evidence) -> Figures | None:
     """The largest step of a ring against its neighbours: its log, its log over the usual step, whether it is one of θo,
-    and its angle in degrees.
+    its angle in degrees, and its log gain.
 
     The steps beside the largest are due to the same ring, and are not asked for the usual one.
     """
@@ -98,7 +98,8 @@ def _ring(evidence: Evidence) -> Figures | None:
         odd = odd_columns(evidence)
         gains = evidence.fitted(np.column_stack([odd, members])).further[odd.shape[1] :]
         # Bent twice: a smooth gain over the angle has no steps.
-        bent = np.abs(gains[1:-1] - (gains[:-2] + gains[2:]) / 2) * trusted
+        gain = gains[1:-1] - (gains[:-2] + gains[2:]) / 2
+        bent = np.abs(gain) * trusted
         largest = int(bent.argmax())
         others = bent[trusted & (np.abs(np.arange(len(bent)) - largest) > 1)]
         if len(others) < 3:
@@ -106,7 +107,7 @@ def _ring(evidence: Evidence) -> Figures | None:
         step = float(bent[largest])
         at = math.degrees(float(theta[number == largest + 1].mean()))
         usual = math.log(step / (float(np.median(others)) + _CERTAIN_STEP) + 1e-4)
-        best = max(best or (-math.inf,), (math.log(step + 1e-4), usual, float(side), at))
+        best = max(best or (-math.inf,), (math.log(step + 1e-4), usual, float(side), at, float(gain[largest])))
     return best
 
 
@@ -167,10 +168,6 @@ def _late(evidence: Evidence) -> Figures | None:
     return (best,)
 
 
-def _percent(log_gain: float) -> str:
-    return f"{math.expm1(min(log_gain, 5)):.0%}"
-
-
 _MEASURE_AGAIN = "measure again, or take it out of the file"
 _CHECK_GAINS = (
     f"check the lamp's and the detector's gain over their angles; {Advice('calibrate', 'rings')} divides it out"
@@ -193,8 +190,9 @@ CHECKS = (
     ),
     Check(
         "ring", _ring,
-        lambda f: f"the ring at {'θo' if f[2] else 'θi'} = {f[3]:.3g}° is off its neighbours by"
-        f" {_percent(math.exp(f[0]))}; a narrow highlight between coarse rings can look like it",
+        lambda f: f"the ring at {'θo' if f[2] else 'θi'} = {f[3]:.3g}° is {abs(math.expm1(min(f[4], 5))):.0%}"
+        f" {'darker' if f[4] < 0 else 'brighter'} than its neighbours; a narrow highlight between coarse rings can look"
+        " like it",
         remedy=f"{_MEASURE_AGAIN}, or {Advice('calibrate', 'rings')}",
     ),
     Check(
