@@ -239,6 +239,8 @@ drifts.
   samples of another material. If the gains over both angles are random, this part remains, and the fit may not
   improve.
 - Gains that a clean material can also show are reported and not divided out. Clean samples stay bit-identical.
+- A few bad rings among good ones are found one by one: each ring that `homofact info` suspects has its step against its
+  neighbours divided out, at most four. The other rings stay bit-identical.
 
 ## Treat clipped values as bounds
 

@@ -17,7 +17,7 @@ import numpy as np
 import torch
 
 from homofact.brdf.formats.nbrdf import load
-from homofact.brdf.quality.suspicion.calibration import SAID
+from homofact.brdf.quality.suspicion.calibration import SAID, log_odds
 from homofact.brdf.quality.suspicion.evidence import Evidence
 from homofact.brdf.quality.suspicion.suspects import CHECKS
 from homofact.brdf.reflectance import Reflectance
@@ -69,7 +69,7 @@ def suspected(samples: Samples) -> bool:
     check = CHECKS["shadow"]
     with np.errstate(all="ignore"):
         figures = check.figures(Evidence.of(samples))
-    return figures is not None and check.log_odds(figures) >= math.log(SAID)
+    return figures is not None and log_odds(check.name, figures) >= math.log(SAID)
 
 
 @one_thread

@@ -18,7 +18,9 @@ The data leave some choices open, which the model fixes as follows:
 * If the rows are sorted by an angle, a drift over rows cannot be distinguished from gains of rings.
 
 Gains below `LEAST_GAIN` (RMS of the log), and gains that hardly improve the fit, may come from the limits of the smooth
-fit on a clean material. They are reported and not divided out.
+fit on a clean material. They are reported and not divided out. But a few bad rings among good ones hardly improve the
+fit of all samples: then each ring that is suspected (`suspicion.ring_steps`) has its step against its neighbours
+divided out, one after the other.
 """
 
 import math
@@ -30,7 +32,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from homofact.brdf.quality.suspicion.calibration import SAID, log_odds
 from homofact.brdf.quality.suspicion.evidence import LEAST_SAMPLES, Evidence, hats, robust_fit
+from homofact.brdf.quality.suspicion.ring_steps import RingStep, largest_step
 from homofact.brdf.samples import Samples
 from homofact.brdf.source_names import GAINS
 from homofact.brdf.symmetry import ring_numbers
@@ -42,6 +46,7 @@ BINS, BLOCKS, FEWEST_IN_A_BLOCK = 24, 24, 40
 NOISES = 3.0
 _SMOOTH_DEGREE = 3  # of the polynomial over θo that counts as a smooth gain
 _HARDLY = 0.3  # of the unevenness over θi: what that over θo may be to count as none
+_MOST_BAD, _SAME_RING = 4, 0.05  # rings; degrees
 LEAST_GAIN, LEAST_IMPROVEMENT = 0.03, 0.5  # logs: RMS of the gains, fall of the fit's error
 _RIDGE_OF_BASIS, _RIDGE = 1e-4, 3e-3
 _RIDGE_OF_ROWS = 1e-3
@@ -68,17 +73,18 @@ class Gains:
 @dataclass(frozen=True)
 class Calibration:
     """What was found of one `kind`, "rings" or "rows": gains, their RMS in logs, by how much the fit's error falls (in
-    logs), and whether that is enough to divide them out."""
+    logs), and whether that is enough to divide them out. `bad` are single bad rings, where only these have gains."""
 
     kind: str
     gains: tuple[Gains, ...]
     rms: float
     improvement: float
+    bad: tuple[RingStep, ...] = ()
 
     @property
     def removed(self) -> bool:
         """Whether the gains are more than what the smooth fit misses of a clean material."""
-        return self.rms >= LEAST_GAIN and self.improvement >= LEAST_IMPROVEMENT
+        return bool(self.bad) or (self.rms >= LEAST_GAIN and self.improvement >= LEAST_IMPROVEMENT)
 
     def record(self) -> dict[str, Any]:
         """Return a JSON-able dictionary."""
@@ -92,6 +98,13 @@ class Calibration:
         what = "gains by ring of θ" if self.kind == "rings" else "gains along the rows"
         if not self.removed:
             return f"{what}: none found ({self.rms:.1%} RMS, no more than a clean material may show); nothing changed"
+        if self.bad:
+            rings = (
+                f"{'θi' if ring.of == 'theta_i' else 'θo'} = {ring.degrees:.3g}° ({abs(math.expm1(ring.gain)):.0%}"
+                f" {'darker' if ring.gain < 0 else 'brighter'} than its neighbours)"
+                for ring in self.bad
+            )
+            return f"{what}: {', '.join(rings)}; divided out"
         low, high = (math.exp(end(gains.logs.max() if end is max else gains.logs.min() for gains in self.gains))
                      for end in (min, max))  # fmt: skip
         return f"{what}: {self.rms:.1%} RMS, from {low:.3g} to {high:.3g}; divided out, their mean kept"
@@ -138,7 +151,29 @@ def calibration_of(samples: Samples, kind: str) -> Calibration:
     some = samples.select(index.to(samples.wi.device))
     wi, wo, values = (tensor.cpu().numpy() for tensor in (some.wi, some.wo, some.values))
     evidence = Evidence(wi, wo, values, np.zeros(len(some)))
-    return (_of_rings if kind == "rings" else _of_rows)(some, evidence, index.numpy(), len(samples))
+    found = (_of_rings if kind == "rings" else _of_rows)(some, evidence, index.numpy(), len(samples))
+    return found if found.removed or kind != "rings" else _of_bad_rings(some, evidence, found)
+
+
+def _of_bad_rings(samples: Samples, evidence: Evidence, found: Calibration) -> Calibration:
+    """The gains of single rings that are suspected, at most `_MOST_BAD`; what was found where there are none."""
+    bad: list[RingStep] = []
+    gains = {of: Gains(of, at, np.zeros(len(at))) for of, at in
+             (("theta_i", _rings(samples.wi)), ("theta_o", _rings(samples.wo))) if at is not None}  # fmt: skip
+    while len(bad) < _MOST_BAD:
+        step = largest_step(evidence)
+        if step is None or step.of not in gains or log_odds("ring", step.figures) < math.log(SAID):
+            break
+        bad.append(step)
+        ring = gains[step.of]
+        ring.logs[_nearest(np.array([step.degrees]), ring.at)] += step.gain
+        theta = _degrees(samples.wi if step.of == "theta_i" else samples.wo)
+        there = np.abs(theta - step.degrees) < _SAME_RING
+        values = np.where(there[:, None], evidence.values * math.exp(-step.gain), evidence.values)
+        evidence = Evidence(evidence.wi, evidence.wo, values, evidence.place)
+    if not bad:
+        return found
+    return replace(found, gains=tuple(gains.values()), bad=tuple(bad))
 
 
 def _of_rows(samples: Samples, evidence: Evidence, index: np.ndarray, count: int) -> Calibration:

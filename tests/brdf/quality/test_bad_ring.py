@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from homofact.brdf.analytic.ggx import GgxBrdf, GgxLobe
-from homofact.brdf.quality.suspicion.instrument import _ring_numbers
+from homofact.brdf.quality.suspicion.ring_steps import ring_numbers_of
 from homofact.brdf.quality.suspicion.suspects import suspicions
 from homofact.brdf.samples import Samples
 from homofact.geometry.directions import from_spherical, to_spherical
@@ -50,13 +50,13 @@ def test_a_dark_ring_is_named_by_its_angle(roughness: float, side: str, degrees:
 
 def test_only_angles_with_many_samples_are_rings() -> None:
     theta = torch.tensor([10.0] * 20 + [20.0] * 20 + [20.5, 21.0, 21.5], dtype=torch.float64).deg2rad().numpy()
-    number, count = _ring_numbers(theta)
+    number, count = ring_numbers_of(theta)
     assert count == 2
     assert number.tolist() == [0] * 20 + [1] * 20 + [-1] * 3
 
 
 def test_scattered_angles_are_put_into_bins() -> None:
     theta = torch.rand(1000, dtype=torch.float64, generator=torch.Generator().manual_seed(0)).numpy()
-    number, count = _ring_numbers(theta)
+    number, count = ring_numbers_of(theta)
     assert count == 18
     assert (number >= 0).all()

@@ -130,3 +130,21 @@ def test_what_cannot_be_calibrated_is_refused() -> None:
     with refused(where="calibrate", found="150 samples"):
         calibrated(samples.subset(150, 0), ["rings"])
     assert calibration_of(samples, "rings").kind == "rings"
+
+
+@pytest.mark.parametrize("bad", [{("theta_o", 3): -0.4}, {("theta_o", 4): 0.3, ("theta_o", 10): -0.4}])
+def test_single_bad_rings_among_good_ones_are_divided_out(bad: dict[tuple[str, int], float]) -> None:
+    clean = goniometer("phong-10", rings_o=17)
+    ranks = {of: torch.unique((to_spherical(w)[0] * 1000).round(), return_inverse=True)[1]
+             for of, w in (("theta_i", clean.wi), ("theta_o", clean.wo))}  # fmt: skip
+    logs = torch.zeros(len(clean), dtype=torch.float64)
+    for (of, ring), gain in bad.items():
+        logs += torch.where(ranks[of] == ring, gain, 0.0).double()
+    noise = torch.randn(clean.values.shape, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
+    noisy = replace(clean, values=clean.values * torch.exp(0.005 * noise))
+    mended = calibrated(replace(noisy, values=noisy.values * torch.exp(logs)[:, None]), ["rings"])
+    assert left(noisy, mended) < 0.25 * float(logs.std())
+    assert mended.provenance["gains"]["rings"]["removed"] is True
+    untouched = logs == 0
+    assert torch.equal(mended.values[untouched], noisy.values[untouched])
+    assert mended.provenance["gains"]["rings"]["words"].count("its neighbours") == len(bad)

@@ -4,6 +4,9 @@ Set by hand between the figures of clean samples and those of planted faults (`s
 the faults. What comes out are degrees of suspicion in the form of odds, not odds that were counted.
 """
 
+import math
+from collections.abc import Sequence
+
 SAID = 50.0  # odds under which nothing is said
 # Of the exponents of cosines in real measurements (paints of Cornell and RGL: up to 0.6 off), and of the base's in
 # surrogates of MERL.
@@ -37,3 +40,11 @@ LOGISTIC: dict[str, tuple[tuple[float, ...], float]] = {
     "channels": ((2.0,), -2.0),
     "channel-late": ((3.0,), -1.5),
 }
+_MOST_LOG_ODDS = math.log(1e30)
+
+
+def log_odds(name: str, figures: Sequence[float]) -> float:
+    """Return the log odds of the fault `name` against none, given its figures; the prior odds are 1."""
+    weights, offset = LOGISTIC[name]
+    odds = offset + sum(weight * figure for weight, figure in zip(weights, figures, strict=True))
+    return min(max(odds, -_MOST_LOG_ODDS), _MOST_LOG_ODDS)

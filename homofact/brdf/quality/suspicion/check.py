@@ -6,13 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from homofact.brdf.quality.suspicion.calibration import LOGISTIC
+from homofact.brdf.quality.suspicion.calibration import log_odds
 from homofact.brdf.quality.suspicion.evidence import Evidence
 from homofact.brdf.quality.suspicion.undo import UNDO
 from homofact.errors import Advice
 
 Figures = tuple[float, ...]
-_MOST_LOG_ODDS = float(np.log(1e30))
 
 
 @dataclass(frozen=True)
@@ -37,9 +36,9 @@ class Suspicion:
 class Check:
     """A fault that samples may have.
 
-    `figures` measure it (None if these samples cannot decide), and `LOGISTIC[name]` of the calibration converts them to
-    log odds. `words(figures)` describe the finding. Default: the words of `undo`. `undo` is a name of `undo.UNDO`, or
-    empty if the fault cannot be undone; `remedy` then gives advice.
+    `figures` measure it (None if these samples cannot decide), and `calibration.log_odds` makes odds of them.
+    `words(figures)` describe the finding. Default: the words of `undo`. `undo` is a name of `undo.UNDO`, or empty if
+    the fault cannot be undone; `remedy` then gives advice.
     """
 
     name: str
@@ -48,12 +47,6 @@ class Check:
     undo: str = ""
     remedy: str = ""
 
-    def log_odds(self, figures: Figures) -> float:
-        """Return the log odds of the fault against no fault, given its figures; the prior odds are 1."""
-        weights, offset = LOGISTIC[self.name]
-        odds = offset + sum(weight * figure for weight, figure in zip(weights, figures, strict=True))
-        return float(np.clip(odds, -_MOST_LOG_ODDS, _MOST_LOG_ODDS))
-
     def suspicion(self, evidence: Evidence) -> Suspicion | None:
         """Return what the samples say, with its odds however small; None where they cannot tell."""
         figures = self.figures(evidence)
@@ -61,7 +54,7 @@ class Check:
             return None
         remedy = str(Advice("undo", self.undo, of="convert")) if self.undo else self.remedy
         words = UNDO[self.undo].words if self.words is None else self.words(figures)
-        return Suspicion(self.name, float(np.exp(self.log_odds(figures))), words, remedy)
+        return Suspicion(self.name, float(np.exp(log_odds(self.name, figures))), words, remedy)
 
 
 def _figure(odds: float) -> str:

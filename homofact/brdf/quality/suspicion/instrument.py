@@ -13,13 +13,11 @@ from homofact.brdf.quality.gains import lacking_reciprocity
 from homofact.brdf.quality.suspicion.check import Check, Figures
 from homofact.brdf.quality.suspicion.evidence import Evidence, hats, robust_fit
 from homofact.brdf.quality.suspicion.geometry import odd_columns
+from homofact.brdf.quality.suspicion.ring_steps import BINS, largest_step
 from homofact.brdf.quality.suspicion.shadow import shadow
 from homofact.brdf.symmetry import ring_numbers
 from homofact.errors import Advice
 
-_RINGS = 18
-_FEWEST_ON_A_RING = 12
-_CERTAIN_STEP = 0.01  # of logs: what a clean material shows between rings
 _FEWEST_FOR_GAINS = 1500
 _TOLD = 0.5  # of the variance of a row's place, left when an angle is known
 
@@ -39,7 +37,7 @@ def _sorted_by_angle(evidence: Evidence) -> bool:
     turn = np.arctan2(evidence.wi[:, 1], evidence.wi[:, 0]) - np.arctan2(evidence.wo[:, 1], evidence.wo[:, 0])
     around = np.arccos(np.clip(np.cos(turn), -1, 1))
     for angle in (theta_i, theta_o, around):
-        knots = np.unique(np.quantile(angle, np.linspace(0, 1, _RINGS + 1)))
+        knots = np.unique(np.quantile(angle, np.linspace(0, 1, BINS + 1)))
         residual = robust_fit(hats(angle, knots), evidence.place, np.ones(len(angle)))[1]
         if residual.var() < _TOLD * evidence.place.var():
             return True
@@ -82,46 +80,9 @@ def _gains(evidence: Evidence) -> Figures | None:
 
 
 def _ring(evidence: Evidence) -> Figures | None:
-    """The largest step of a ring against its neighbours: its log, its log over the usual step, whether it is one of θo,
-    its angle in degrees, and its log gain.
-
-    The steps beside the largest are due to the same ring, and are not asked for the usual one.
-    """
-    best: Figures | None = None
-    _, weight = evidence.logs
-    for side, theta in enumerate(_thetas(evidence)):
-        number, count = _ring_numbers(theta)
-        if count < 6:
-            continue
-        members = (number[:, None] == np.arange(count)).astype(float)
-        trusted = ((members * (weight > 0.1)[:, None]).sum(0) >= _FEWEST_ON_A_RING)[1:-1]
-        odd = odd_columns(evidence)
-        gains = evidence.fitted(np.column_stack([odd, members])).further[odd.shape[1] :]
-        # Bent twice: a smooth gain over the angle has no steps.
-        gain = gains[1:-1] - (gains[:-2] + gains[2:]) / 2
-        bent = np.abs(gain) * trusted
-        largest = int(bent.argmax())
-        others = bent[trusted & (np.abs(np.arange(len(bent)) - largest) > 1)]
-        if len(others) < 3:
-            continue
-        step = float(bent[largest])
-        at = math.degrees(float(theta[number == largest + 1].mean()))
-        usual = math.log(step / (float(np.median(others)) + _CERTAIN_STEP) + 1e-4)
-        best = max(best or (-math.inf,), (math.log(step + 1e-4), usual, float(side), at, float(gain[largest])))
-    return best
-
-
-def _ring_numbers(theta: np.ndarray) -> tuple[np.ndarray, int]:
-    """The ring of each angle (N,) and how many rings there are: those on which many samples lie, −1 for other samples.
-
-    Where most samples are on no such ring there are `_RINGS` bins with as many samples each.
-    """
-    _, inverse, counts = np.unique(np.round(theta, 3), return_inverse=True, return_counts=True)
-    full = counts >= _FEWEST_ON_A_RING
-    if counts[full].sum() >= len(theta) / 2:
-        return np.where(full, np.cumsum(full) - 1, -1)[inverse], int(full.sum())
-    edges = np.unique(np.quantile(theta, np.linspace(0, 1, _RINGS + 1)))
-    return np.clip(np.searchsorted(edges, theta, side="right") - 1, 0, len(edges) - 2), len(edges) - 1
+    """The figures of the largest step (`RingStep.figures`)."""
+    step = largest_step(evidence)
+    return None if step is None else step.figures
 
 
 def _colours(evidence: Evidence) -> np.ndarray | None:
