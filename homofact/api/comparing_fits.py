@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +14,9 @@ from homofact.errors import BadInput
 
 if TYPE_CHECKING:
     from homofact.evaluation.reopening import Reopened
+
+# Of an opening: settings that change the samples.
+_READ_WITH = ("channels", "count", "scheme", "seed", "calibrate", "clipped")
 
 
 @dataclass(frozen=True)
@@ -159,7 +162,20 @@ def _one_source(found: "dict[str, Reopened]") -> "Reopened":
         if one.split.digest != first.split.digest:
             raise BadInput(
                 where=label,
-                found=f"a fit of {one.source.name}",
-                expected=f"one of the samples of {first.source.name}, as {first_label}",
+                found=f"a fit of {one.source.name}{_read_with(one, first)}",
+                expected=f"one of the samples of {first.source.name}{_read_with(first, one)}, as {first_label}",
             )
     return first
+
+
+def _read_with(one: "Reopened", other: "Reopened") -> str:
+    """How one source was opened where another was opened in another way: " read with calibrate tilt"."""
+    if one.source.opening is None or other.source.opening is None:
+        return ""
+    own, others = (asdict(each.source.opening) for each in (one, other))
+    words = [f"{name} {_in_words(own[name])}" for name in _READ_WITH if own[name] != others[name]]
+    return f" read with {' and '.join(words)}" if words else ""
+
+
+def _in_words(value: Any) -> str:
+    return "+".join(map(str, value)) or "none" if isinstance(value, tuple | list) else str(value)

@@ -107,3 +107,11 @@ def test_metrics_are_those_asked_for(fits: Path, capsys) -> None:
     # Of fits that saw different samples, on all of them.
     over_all = homofact.compare_fits([fits / "large", fits / "all"], metrics=("log_mse",)).records["large"]
     assert over_all["metrics"]["log_mse"] == pytest.approx(over_all["error"]["source"]["log_mse"], rel=1e-6)
+
+
+def test_fits_of_a_source_that_was_read_in_another_way_name_what_differs(tmp_path: Path) -> None:
+    for count in (300, 400):
+        source = homofact.read("material:phong-10", count=count)
+        homofact.factorize(source, tmp_path / str(count), homofact.McCool(size=4))
+    with refused("400: found a fit of phong-10 read with count 400, expected .* read with count 300, as 300"):
+        homofact.compare_fits([tmp_path / "300", tmp_path / "400"])

@@ -99,6 +99,8 @@ class _Process:
         best = search.best_of(steps, min(steps[::2], key=search.ratio))
         grid = sorted({*steps, *steps_round(best, 2 * COARSE, FINE, SEARCHED)})
         degrees, (low, high), near = search.answer(grid, best)
+        # What is printed is what is undone, on every machine.
+        degrees = round(degrees, 3)
         misfit, undone = (float(np.median(np.abs(self._predicted(at)[0]))) for at in (0.0, degrees))
         return TiltAngle(degrees, low, high, misfit, undone, near)
 
