@@ -55,10 +55,15 @@ def fit_facts(place: Path) -> tuple[str, dict[str, Any], dict[str, Any]] | None:
     edits = edits_in_words(fit.provenance)
     if edits:
         rows["edits"] = edits
-    checked = list(source.get(DISMISSED) or ()) if isinstance(source, dict) else []
+    source = source if isinstance(source, dict) else {}
+    checked = list(source.get(DISMISSED) or ())
     if checked:
         facts[DISMISSED] = checked
         rows["not suspected"] = f"{', '.join(checked)}: dismissed when the fit was made"
+    mended = _mended(source)
+    if mended:
+        facts["mended"] = mended
+        rows["measurement"] = "\n".join(mended)
     said, verdict = GivenFit(str(place), place).verdict, fit.verdict
     if said is not None:
         facts["verdict"] = said
@@ -86,6 +91,16 @@ def fit_facts(place: Path) -> tuple[str, dict[str, Any], dict[str, Any]] | None:
                 stated += f"; {bar.unmeasured:.0%} of it leaves in directions without measurements"
             rows[f"total reflected light at {bar.degrees[0]:.0f}°"] = stated
     return place.name, rows, facts
+
+
+def _mended(source: dict[str, Any]) -> list[str]:
+    """What the provenance of a fit's samples, read from a file, says in words of a tilt and of gains."""
+    gains = source.get("gains")
+    tilt = source.get("tilt")
+    facts = [tilt] if isinstance(tilt, dict) and (tilt.get("undone") or tilt.get("left_in")) else []
+    facts += list(gains.values()) if isinstance(gains, dict) else []
+    words = (each.get("words") for each in facts if isinstance(each, dict))
+    return [each for each in words if isinstance(each, str)]
 
 
 def _light_over_samples(verdict: Any) -> list[list[float]]:

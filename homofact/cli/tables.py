@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 from rich.table import Table
 from rich.text import Text
 
+from homofact.cli.flags import with_options
 from homofact.cli.layout import add_figures, add_names, plain_table
 from homofact.errors import Status
 from homofact.evaluation.wording import brief_figure, counted, figure, shapes
@@ -283,7 +284,9 @@ def facts_table(title: str, facts: Mapping[str, Any]) -> Table:
     table.add_column("", overflow="fold")
     for name, value in facts.items():
         if value is not None and value != {} and value != []:
-            table.add_row(name.replace("_", " ") if name.isidentifier() else Text(name), Text(words(value)))
+            table.add_row(
+                name.replace("_", " ") if name.isidentifier() else Text(name), Text(with_options(words(value)))
+            )
     return table
 
 

@@ -85,7 +85,7 @@ def figures_line(verdict: "Verdict") -> str:
     from homofact.evaluation.bar.causes import gap_in_words
 
     errors, system = verdict.figures.errors, verdict.figures.system
-    figures = [f"explains {max(errors.explained, 0):.1%}", gap_in_words(errors.gap)]
+    figures = [f"explains {max(errors.explained, 0):.1%}", gap_in_words(errors.gap, errors.is_held_out)]
     if system.determined is not None:
         figures.append(f"{system.determined:.0%} of the texels determined by samples")
     if system.condition is not None:

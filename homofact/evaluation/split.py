@@ -204,7 +204,10 @@ class Split:
             changed = True
         if changed:
             raise BadInput(f"its source, {name}, has changed: its samples are not those of the fit")
-        raise BadInput(f"its source, {name}, is neither where it was nor in the working folder nor beside the result")
+        raise BadInput(
+            f"its source, {name}, is neither where it was nor in the working folder nor beside the result",
+            hint="an export keeps the name of the file alone: put the file into one of these folders",
+        )
 
     def _opened(self, path: str) -> Source:
         assert self.opening is not None

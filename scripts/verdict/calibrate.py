@@ -2,6 +2,7 @@
 
     python scripts/verdict/calibrate.py [--cases 100] [--seed 0] --store FITS.jsonl
     python scripts/verdict/calibrate.py --report 105 --store FITS.jsonl --out docs/verdict.md
+    python scripts/verdict/calibrate.py --report 105 --held-out 0 --store ALL.jsonl
 
 Cases are drawn (`drawn_cases.py`), fitted and measured (`simulating.py`) into a store, so that an interrupted run goes
 on where it stopped; of fits of its first two parts the table is made (`calibrating.py`) and written to
@@ -17,6 +18,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from homofact.brdf.source_names import HELD_OUT
 from homofact.evaluation.bar.table import Table, table
 from homofact.evaluation.machine import machine
 from homofact.linear.normal import warm_up
@@ -42,12 +44,13 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--store", type=Path, required=True, help="the simulated fits, a JSON line each")
     parser.add_argument("--table", type=Path, default=TABLE, help="where the table is written (%(default)s)")
     parser.add_argument("--seed", type=int, default=0, help="of the draw of cases")
+    parser.add_argument("--held-out", type=float, default=HELD_OUT, help="part held out of reported fits (%(default)s)")
     options = parser.parse_args(arguments)
     warm_up()
     folder = data_folder(options.data)
     if options.report:
         asked = {CasePart.REPORT: _SHORT if options.short else options.report}
-        fits = fits_of(simulate(in_turn(asked), folder, options.store, options.seed))
+        fits = fits_of(simulate(in_turn(asked), folder, options.store, options.seed, options.held_out))
         used = Table.of(json.loads(options.table.read_text(encoding="utf-8"))) if options.table != TABLE else table()
         return finish([*report(fits, used), machine()], options)
     count = _SHORT if options.short else options.cases

@@ -29,7 +29,7 @@ from scripts.verdict.drawn_cases import DrawnCase, drawn_case
 _LEAST_RATIO = 1e-6
 
 
-def simulated(case: DrawnCase) -> Iterable[dict[str, Any]]:
+def simulated(case: DrawnCase, held_out: float = HELD_OUT) -> Iterable[dict[str, Any]]:
     """The records of a case's fits; a refused one says so."""
     samples = case.samples
     known = {
@@ -48,7 +48,7 @@ def simulated(case: DrawnCase) -> Iterable[dict[str, Any]]:
     for method in case.methods:
         own = known | {"method": method.name, "settings": _named(method)}
         try:
-            split = Split.of(given, HELD_OUT, case.number)
+            split = Split.of(given, held_out, case.number)
             train, test = split.parts(given)[0], split.test_samples(given)
             made = replace(method, epsilon=MEASURED_EPSILON, seed=case.number).fit(train)
         except (BadInput, SolverFailure) as error:
@@ -82,7 +82,9 @@ def truth_of(seen: Appearance) -> dict[str, Any]:
     }
 
 
-def simulate(wanted: Iterable[tuple[CasePart, int]], folder: Path, store: Path, seed: int = 0) -> list[dict[str, Any]]:
+def simulate(
+    wanted: Iterable[tuple[CasePart, int]], folder: Path, store: Path, seed: int = 0, held_out: float = HELD_OUT
+) -> list[dict[str, Any]]:
     """Fit the cases that the store lacks, and return all records of the wanted ones, in their order."""
     kept: dict[tuple[str, int], list[dict[str, Any]]] = {}
     for record in read_store(store):
@@ -92,7 +94,7 @@ def simulate(wanted: Iterable[tuple[CasePart, int]], folder: Path, store: Path, 
         if (part.value, number) not in kept:
             case = drawn_case(part, number, folder, seed)
             progress(f"{part.value} {number}: {case.name}, {case.fault.name if case.fault else 'clean'}")
-            records = list(simulated(case))
+            records = list(simulated(case, held_out))
             with open(store, "a", encoding="utf-8") as file:
                 # A case at once: one that was cut short is fitted again.
                 file.write("".join(json.dumps(record, ensure_ascii=False) + "\n" for record in records))

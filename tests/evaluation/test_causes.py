@@ -54,7 +54,8 @@ def test_every_feature_has_words_of_its_own() -> None:
 
 
 def test_a_ratio_of_one_set_of_samples_is_none() -> None:
-    assert "training" not in gap_in_words(1.0)
+    assert "training" not in gap_in_words(1.0, is_held_out=False)
+    assert "validation / training 3" in gap_in_words(3.0, is_held_out=False)
 
 
 @pytest.mark.parametrize("gap", [0.9, 1.9, 2.1, 40.0])

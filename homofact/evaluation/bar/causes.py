@@ -59,11 +59,11 @@ WORDS = {
 }
 
 
-def gap_in_words(gap: float) -> str:
+def gap_in_words(gap: float, is_held_out: bool = True) -> str:
     """Return the ratio of held-out to training error with the usual one.
 
-    A ratio of exactly 1 is of one set of samples: nothing was held out. The usual one is the geometric mean over the
-    fits to right samples in the calibration.
+    Where nothing was held out it is that of the search's own validation, or 1 of a method that has none. The usual one
+    is the geometric mean over the fits to right samples in the calibration.
 
     Examples
     --------
@@ -72,10 +72,11 @@ def gap_in_words(gap: float) -> str:
     >>> gap_in_words(2.93)
     'held out / training 2.93 (usual: 1.4)'
     """
-    if gap == 1:
+    if not is_held_out and gap == 1:
         return "nothing held out"
     mean = table().bars["right"]["albedo"].model.columns["gap"][1]
-    return f"held out / training {figure(gap)} (usual: {math.exp(mean) - GAP_FLOOR:.2g})"
+    what = "held out" if is_held_out else "nothing held out, the search's validation"
+    return f"{what} / training {figure(gap)} (usual: {math.exp(mean) - GAP_FLOOR:.2g})"
 
 
 def causes(model: LinearModel, features: Mapping[str, float]) -> list[tuple[str, float, float]]:

@@ -2,7 +2,8 @@
 
 A bar states that the source reflects between `low` and `high` times the light of the fit. If the source can be
 evaluated everywhere, the bar is a measured error. For samples, the bar holds in nine of ten cases like those of the
-calibration (docs/verdict.md): fits of right samples or, where the verdict suspects a fault, of faulty ones.
+calibration (docs/verdict.md), in eight of ten if no sample was held out: fits of right samples or, where the verdict
+suspects a fault, of faulty ones.
 A bar wider than a factor of ten carries no information and is withdrawn.
 """
 
@@ -303,5 +304,8 @@ def percent(error: float) -> str:
     return f"{max(error, 0.001):.1%}" if error < 0.00995 else f"{math.ceil(100 * error - 0.5):.0f}%"
 
 
+_TENTHS = {9.0: "nine of ten", 8.0: "eight of ten"}
+
+
 def _often(rate: float) -> str:
-    return "nine of ten" if abs(rate - 0.9) < 1e-9 else f"{rate:.0%} of"
+    return _TENTHS.get(round(10 * rate, 6), f"{rate:.0%} of")

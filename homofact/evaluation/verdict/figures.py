@@ -27,17 +27,19 @@ class HeldOutFigures:
 
     Attributes
     ----------
-    gap : held-out over training log MSE.
+    gap : held-out over training log MSE; where nothing was held out, that of the search's own validation, or 1.
     explained : share of the variance of the logs, over the discs, that the fit explains, of its worst channel: of the
         source's at new pairs if it can be evaluated, else of the held-out ones.
     misplaced : Σ|f̂ − f| over Σ f of the held-out light.
     cut : share of the held-out light that is cut at zero.
+    is_held_out : whether any samples were held out; if not, the figures are of samples that the fit has seen.
     """
 
     gap: float
     explained: float
     misplaced: float
     cut: float
+    is_held_out: bool = True
 
 
 @dataclass(frozen=True)

@@ -65,7 +65,7 @@ def measured_figures(
     )
     return Figures(
         SystemFigures(report.details.get("condition"), report.details.get("determined")),
-        _held_out(fitted, test, errors, seen),
+        _held_out(fitted, report, test, errors, seen),
         light,
         _data(fitted, train, drawn, values, seed),
         coverage,
@@ -93,9 +93,14 @@ def _range(samples: Samples) -> tuple[float, float]:
 
 
 def _held_out(
-    fitted: Fitted, test: Samples, errors: tuple[SixErrors, SixErrors], seen: Appearance | None
+    fitted: Fitted, report: Report, test: Samples, errors: tuple[SixErrors, SixErrors], seen: Appearance | None
 ) -> HeldOutFigures:
-    """How well the fit meets `test`; `errors` are of the training samples and of these."""
+    """How well the fit meets `test`; `errors` are of the training samples and of these, and equal if they are the same.
+
+    A search has held samples out of its own trials. Where nothing else was held out, the gap is that of this error.
+    """
+    is_held_out = errors[0] != errors[1]
+    other = errors[1].log_mse if is_held_out else max(report.details.get("validation_error", 0.0), errors[0].log_mse)
     transform = fitted.transform
     values, light = fitted.evaluate(test.wi, test.wo).to(torch.float64), flux.flux_of(test)
     expected, fit_logs = (transform.forward(both) for both in (test.values, values))
@@ -103,10 +108,11 @@ def _held_out(
     is_cut = (fit_logs <= zero + 1e-9) & (expected > zero + math.log(2))
     explained = None if seen is None else seen.explained
     return HeldOutFigures(
-        gap=errors[1].log_mse / max(errors[0].log_mse, 1e-300),
+        gap=other / max(errors[0].log_mse, 1e-300),
         explained=explained_variance(expected, fit_logs, over_discs(test)) if explained is None else explained,
         misplaced=flux.misplaced(light, test.values, values),
         cut=flux.cut_light(light, test.values, is_cut),
+        is_held_out=is_held_out,
     )
 
 

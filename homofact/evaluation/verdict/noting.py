@@ -157,11 +157,12 @@ def _dark(noted: Noted) -> float | None:
 def _gap(noted: Noted) -> float | None:
     """Held-out over training error; None if it costs next to no light, or the source can be evaluated everywhere."""
     errors = noted.figures.errors
-    return errors.gap if noted.figures.reading is not None and errors.misplaced > _WORTH_PLACING else None
+    worth = noted.figures.reading is not None and errors.is_held_out and errors.misplaced > _WORTH_PLACING
+    return errors.gap if worth else None
 
 
 def _nothing_held_out(noted: Noted) -> float | None:
-    return None if noted.figures.reading is None else float(noted.figures.errors.gap == 1)
+    return None if noted.figures.reading is None else float(not noted.figures.errors.is_held_out)
 
 
 def _between(noted: Noted) -> float | None:
