@@ -170,9 +170,10 @@ def _one_source(found: "dict[str, Reopened]") -> "Reopened":
 
 def _read_with(one: "Reopened", other: "Reopened") -> str:
     """How one source was opened where another was opened in another way: " read with calibrate tilt"."""
-    if one.source.opening is None or other.source.opening is None:
+    first, second = one.source.opening, other.source.opening
+    if first is None or second is None:
         return ""
-    own, others = (asdict(each.source.opening) for each in (one, other))
+    own, others = asdict(first), asdict(second)
     words = [f"{name} {_in_words(own[name])}" for name in _READ_WITH if own[name] != others[name]]
     return f" read with {' and '.join(words)}" if words else ""
 

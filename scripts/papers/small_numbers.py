@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from homofact.brdf.quality import tilt
+from homofact.brdf.quality import tilt, tilt_finding
 from homofact.brdf.source import MEASURED_EPSILON, NOISE_FREE_EPSILON
 from homofact.relighting.factored_material import MOST_REST, MOST_SHARED
 
@@ -140,11 +140,11 @@ def _conditions(macros: Macros, results: Results) -> None:
     macros.add("malePairs", f"{PAIRS:,}".replace(",", "{,}"))
     macros.add("maleLimit", f"{STEEPEST_DEGREES:g}")
     macros.add("tiltPairs", f"{tilt.PAIRS:,}".replace(",", "{,}"))
-    macros.add("tiltBlocks", tilt.BLOCKS)
+    macros.add("tiltBlocks", tilt_finding.BLOCKS)
     macros.add("tiltLimit", f"{math.degrees(tilt.LIMIT):.0f}")
-    macros.add("tiltSearched", f"{tilt.SEARCHED:g}")
-    macros.add("tiltLeast", f"{tilt.LEAST:g}")
-    macros.add("tiltGain", percent(tilt.LEAST_GAIN, 0))
+    macros.add("tiltSearched", f"{tilt_finding.SEARCHED:g}")
+    macros.add("tiltLeast", f"{tilt_finding.LEAST:g}")
+    macros.add("tiltGain", percent(tilt_finding.LEAST_GAIN, 0))
     for name, kept in zip(("One", "Two", "Three"), known_mixes.KEPT, strict=True):
         macros.add(f"mixes{name}", kept)
     macros.add("nearFloor", f"{NEAR_FLOOR:g}")

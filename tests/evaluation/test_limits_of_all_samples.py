@@ -12,6 +12,7 @@ from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
 from homofact.evaluation.compare import fit_and_measure
 from homofact.evaluation.metrics import measure
+from homofact.evaluation.verdict.verdict import Verdict
 from homofact.methods.mccool import McCool
 from homofact.methods.search import Search
 
@@ -26,24 +27,29 @@ def samples() -> Samples:
     return replace(drawn, values=drawn.values * torch.exp(0.1 * noise), provenance={})
 
 
+def judged(fit: homofact.Fit) -> Verdict:
+    assert isinstance(fit.verdict, Verdict)
+    return fit.verdict
+
+
 def test_the_gap_is_that_of_the_validation(samples: Samples) -> None:
     fit = homofact.fit(samples, QUICK)
-    assert fit.verdict is not None
-    errors = fit.verdict.figures.errors
+    assert fit.report is not None
+    verdict = judged(fit)
+    errors = verdict.figures.errors
     assert not errors.is_held_out
     seen = measure(fit.factorization, samples.rotated_at_random(0), fit.transform).log_mse
     validation = fit.report.details["validation_error"]
     assert validation > 1.2 * seen
     assert errors.gap == pytest.approx(validation / seen)
-    assert "eight of ten" in fit.verdict.summary
-    assert {bar.rate for bar in fit.verdict.bars.bars} == {0.8}
+    assert "eight of ten" in verdict.summary
+    assert {bar.rate for bar in verdict.bars.bars} == {0.8}
 
 
 def test_a_method_without_validation_has_a_gap_of_one(samples: Samples) -> None:
-    fit = homofact.fit(samples, McCool(size=6))
-    assert fit.verdict is not None
-    assert fit.verdict.figures.errors.gap == 1
-    assert not fit.verdict.figures.errors.is_held_out
+    errors = judged(homofact.fit(samples, McCool(size=6))).figures.errors
+    assert errors.gap == 1
+    assert not errors.is_held_out
 
 
 def test_held_out_samples_have_their_own_gap(samples: Samples) -> None:
@@ -55,8 +61,7 @@ def test_held_out_samples_have_their_own_gap(samples: Samples) -> None:
 
 
 def test_only_held_out_samples_make_the_advice_to_hold_none_out(samples: Samples) -> None:
-    verdict = homofact.fit(samples, QUICK).verdict
-    assert verdict is not None
+    verdict = judged(homofact.fit(samples, QUICK))
     (found,) = (each for each in verdict.findings if each.name == "held-out")
     assert "hold some out" in found.remedy
 
