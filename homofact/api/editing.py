@@ -258,12 +258,15 @@ def _prepared(file: "EditSceneFile", steps: ProgressSteps) -> "EditResult":
     return EditResult(file, prepared, report, parts, tuple(fits.made.values()))
 
 
+_ROUNDED = 1.01
+
+
 def _above_tolerance(parts: "tuple[PartError, ...]", tolerance: float) -> list[str]:
     """A line on the parts whose low rank errs by more than the tolerance of all bands' light; none where no part does.
 
-    Light from other surfaces may err by more, and is left out.
+    Light from other surfaces may err by more, and is left out, as are errors that are the tolerance up to rounding.
     """
-    over = [part for part in parts if not part.bounced and part.error > tolerance]
+    over = [part for part in parts if not part.bounced and part.error > _ROUNDED * tolerance]
     if not over:
         return []
     worst = max(over, key=lambda part: part.error)
