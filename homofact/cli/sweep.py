@@ -74,9 +74,11 @@ def sweep(
     if isinstance(found, TogetherResult):
         show_together(found, screen)
     elif not quiet:
-        from homofact.sweeps.summary import mixes_epsilons
+        from homofact.sweeps.summary import mixes_epsilons, without_light
 
         screen.show(summary_table(found.rows))
+        if lists := without_light(found.rows):
+            screen.show(f"albedo, peak and sky dB leave out {', '.join(lists)}: of lists of samples they are unknown.")
         if mixes_epsilons(found.rows):
             screen.show("These fits have more than one ε. Compare their log errors only between fits of the same ε.")
         screen.show(*(Text(f"set aside: {task.task.words}: {task.reason}") for task in found.aside))

@@ -77,6 +77,16 @@ def mixes_epsilons(rows: Iterable[FitRow]) -> bool:
     return len({row.epsilon for row in rows}) > 1
 
 
+def without_light(rows: Iterable[FitRow]) -> tuple[str, ...]:
+    """Return the names of materials whose fits have no figures of light, each once; none where no material has any.
+
+    These are lists of samples: medians of such figures are over the other materials alone.
+    """
+    rows = list(rows)
+    lacking = dict.fromkeys(row.name for row in rows if row.metrics["albedo_worst"] is None)
+    return () if all(row.name in lacking for row in rows) else tuple(lacking)
+
+
 def middle(rows: Sequence[FitRow], name: str) -> float | None:
     """Return the median of a metric over those rows that have it."""
     values = [value for row in rows if (value := row.metrics[name]) is not None]

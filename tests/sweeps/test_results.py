@@ -27,7 +27,7 @@ from homofact.sweeps.ledger import SWEEP, SweepLedger
 from homofact.sweeps.local import TaskEnding
 from homofact.sweeps.parcel import packed, unpacked
 from homofact.sweeps.run import State, sweep
-from homofact.sweeps.summary import FitRow, mixes_epsilons, rows_of
+from homofact.sweeps.summary import FitRow, mixes_epsilons, rows_of, without_light
 from homofact.sweeps.sweep_file import read_sweep
 from homofact.sweeps.task import Task, tasks_of
 from homofact.sweeps.work import do
@@ -148,6 +148,13 @@ def test_rows_of_several_epsilons_are_told(swept: Path) -> None:
     assert [row.cells()["epsilon"] for row in rows] == [report["epsilon"] for report in reports]
     assert not mixes_epsilons(rows)
     assert mixes_epsilons([*rows, replace(rows[0], epsilon=1e-3)])
+
+
+def test_materials_whose_light_is_unknown_are_told(swept: Path) -> None:
+    rows = rows_of(swept / "sweep")
+    assert without_light(rows) == ("paint.npz",)
+    assert without_light(rows[:2]) == ()
+    assert without_light(rows[2:]) == ()
 
 
 @pytest.mark.slow
