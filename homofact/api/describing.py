@@ -27,8 +27,8 @@ WHITE_STANDARD = (
     " (often π), an offset or a gamma in the values."
 )
 
-# Of the spread along the normal: less is noise, and not told.
 _NO_TILT = "a tilt of the sample was not looked for: the material is anisotropic"
+# Of the spread along the normal: less is noise, and not told.
 _LEAST_SPREAD = 0.15
 
 

@@ -113,6 +113,10 @@ def edit(
     return result
 
 
+# Of the tolerance: an error up to this is the tolerance, rounded.
+_ROUNDED = 1.01
+
+
 @dataclass(frozen=True)
 class EditedTextures:
     """Textures of an edited material.
@@ -256,9 +260,6 @@ def _prepared(file: "EditSceneFile", steps: ProgressSteps) -> "EditResult":
     report["notes"] = [*scene.notes, *above]
     report["fits"] = {words: fit.record() for words, fit in fits.made.items()}
     return EditResult(file, prepared, report, parts, tuple(fits.made.values()))
-
-
-_ROUNDED = 1.01
 
 
 def _above_tolerance(parts: "tuple[PartError, ...]", tolerance: float) -> list[str]:

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from rich.text import Text
 
 from homofact.cli import options as o
+from homofact.cli.flags import with_options
 from homofact.cli.layout import hanging
 from homofact.cli.screen import Screen, say_ending, say_subset
 from homofact.cli.subject import source_of
@@ -64,7 +65,7 @@ def factorize(
         from homofact.brdf.quality.mending import mending_lines
 
         records, verdict = found.records(), found.row.verdict
-        screen.show(*(hanging(line, 0) for line in mending_lines(found.source.samples.provenance)))
+        screen.show(*(Text(with_options(line)) for line in mending_lines(found.source.samples.provenance)))
         # What was made and how good it is come first, the evidence after, and last what to do with it.
         screen.show(
             Text(_headline(found)),

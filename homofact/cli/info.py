@@ -4,8 +4,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from rich.text import Text
 
 from homofact.cli import options as o
+from homofact.cli.flags import with_options
 from homofact.cli.layout import hanging
 from homofact.cli.materials import list_materials
 from homofact.cli.screen import Screen
@@ -81,7 +83,7 @@ def _show(found: "InfoResult", screen: Screen) -> None:
     if "read_by" in found.facts:
         commands = [f"homofact {_READING[name].format(file=found.facts['file'])}" for name in found.facts["read_by"]]
         rows = rows | {"read_by": commands}
-    screen.show(facts_table(found.name, rows), *(hanging(line, 0) for line in found.mended))
+    screen.show(facts_table(found.name, rows), *(Text(with_options(line)) for line in found.mended))
     if found.suspected:
         lines = [hanging(f"- {suspicion.line()}", len("- ")) for suspicion in found.suspected]
         screen.show("Suspected, with the odds against the data as they stand:", *lines)

@@ -123,9 +123,6 @@ def hanging(line: str, indent: int) -> Table:
     """
     line = with_options(line)
     grid = Table.grid()
-    if not indent:
-        grid.add_row(Text(line))
-        return grid
     grid.add_column(no_wrap=True, width=indent)
     grid.add_column(overflow="fold")
     grid.add_row(Text(line[:indent].ljust(indent)), Text(line[indent:]))

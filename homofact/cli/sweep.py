@@ -78,7 +78,7 @@ def sweep(
 
         screen.show(summary_table(found.rows))
         if lists := without_light(found.rows):
-            screen.show(f"albedo, peak and sky dB leave out {', '.join(lists)}: of lists of samples they are unknown.")
+            screen.show(f"albedo, peak and sky dB leave out {', '.join(lists)}: they are unknown for lists of samples.")
         if mixes_epsilons(found.rows):
             screen.show("These fits have more than one ε. Compare their log errors only between fits of the same ε.")
         screen.show(*(Text(f"set aside: {task.task.words}: {task.reason}") for task in found.aside))

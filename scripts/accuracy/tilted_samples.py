@@ -20,9 +20,10 @@ import torch
 from torch import Tensor
 
 from homofact.brdf.analytic.common import grazing
+from homofact.brdf.quality.tilt import ReciprocalMean
 from homofact.brdf.quality.tilt_finding import TiltAngle
 from homofact.brdf.quality.tilt_of_samples import find_tilt_of_samples
-from homofact.brdf.reflectance import Derived, Reflectance
+from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
 from homofact.brdf.source import open_source
@@ -48,17 +49,6 @@ NOISE, DRAWN = 0.01, 2500
 # Of θi, θo and Δφ in degrees.
 GRIDS = {"rings 15 5 10": (15, 5, 10), "rings 10 10 20": (10, 10, 20), "rings 10 6 15": (10, 6, 15)}
 LAYOUTS = ("fine scan", "scan", *GRIDS, "lobe", "discs")
-
-
-@dataclass(frozen=True)
-class Reciprocal(Derived):
-    """(f(ωi, ωo) + f(ωo, ωi))/2 of an isotropic material."""
-
-    isotropic = True
-
-    def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
-        """Return values (N, C) in sr⁻¹."""
-        return (self.base.evaluate(wi, wo) + self.base.evaluate(wo, wi)) / 2
 
 
 @dataclass(frozen=True)
@@ -116,7 +106,7 @@ def planted(part: CasePart, materials: int, folder: Path, seed: int) -> Iterator
     faults = {fault.name: fault for fault in FAULTS}
     for number in range(materials):
         case = drawn_case(part, number, folder, seed)
-        model = Reciprocal(case.material)
+        model = ReciprocalMean(case.material)
         for layout in LAYOUTS:
             for degrees in TILTS:
                 angle = find_tilt_of_samples(measured(model, layout, degrees, number)).in_plane

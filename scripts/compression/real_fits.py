@@ -7,8 +7,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from torch import Tensor
-
 from homofact.brdf.formats.nbrdf import load, material_names
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
@@ -53,29 +51,6 @@ LABELS = (BOUND, *PUBLISHED, *METHODS)
 NONE_PUBLISHED = "none was published"
 HELD_OUT, SEED = 0.2, 0
 _EVERY = 3  # which of the inner rings are left out
-
-
-@dataclass(frozen=True)
-class ReciprocalMean:
-    """½ (f(ωi, ωo) + f(ωo, ωi)) of a measurement: what a reciprocal fit without any other error would be."""
-
-    of: Reflectance
-
-    @property
-    def channels(self) -> tuple[str, ...]:
-        """Those of the measurement."""
-        return tuple(self.of.channels)
-
-    @property
-    def isotropic(self) -> bool:
-        """True: so are the measurements of the table."""
-        return True
-
-    nbytes = fetches = 0
-
-    def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
-        """Values (N, C) in sr⁻¹."""
-        return (self.of.evaluate(wi, wo) + self.of.evaluate(wo, wi)) / 2
 
 
 @dataclass(frozen=True)

@@ -76,7 +76,7 @@ def mended(samples: Samples, calibrate: Sequence[str], clipped: float | str | No
     if clipped is not None:
         samples = marked(samples, clipped)
     samples = calibrated(samples, [kind for kind in calibrate if kind in GAINS])
-    if TILT not in calibrate:
+    if TILT not in calibrate or (samples.provenance.get("tilt") or {}).get("undone"):
         return samples
     found = find_tilt_of_samples(samples)
     straight = samples if found.tilt is None else straightened_samples(samples, found.tilt)

@@ -84,7 +84,7 @@ def _without_the_tables_own(pairs: "_TiltPairs", reflectance: Reflectance, found
     if not isinstance(reflectance, AdaptiveTable) or found.misfit <= LEAST_MISFIT:
         return found
     straight = Straightened(reflectance, Tilt(math.radians(found.degrees)))
-    own = pairs.angle(refilled(reflectance, _ReciprocalMean(straight)), Tilt, _swapped, coarse=0.1)
+    own = pairs.angle(refilled(reflectance, ReciprocalMean(straight)), Tilt, _swapped, coarse=0.1)
     degrees = found.degrees - own.degrees
     low, high, near = (angle - own.degrees for angle in (found.low, found.high, found.near_plane))
     return TiltAngle(degrees, low, high, found.misfit, math.nan, near, own.misfit)
@@ -106,7 +106,7 @@ def _mirrored(wi: Tensor, wo: Tensor) -> tuple[Tensor, Tensor]:
     return wi * image, wo * image
 
 
-class _ReciprocalMean(Derived):
+class ReciprocalMean(Derived):
     """(f(ωi, ωo) + f(ωo, ωi))/2 of an isotropic reflectance."""
 
     isotropic = True

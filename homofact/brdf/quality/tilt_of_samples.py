@@ -75,11 +75,11 @@ def straightened_samples(samples: Samples, tilt: Tilt) -> Samples:
     Samples whose directions are below its horizon are left out.
     """
     azimuth = _azimuth(samples)
-    wi, wo = (_turned(w, -azimuth) for w in (samples.wi, samples.wo))
-    wi, wo = (_turned(normalize(w), azimuth) for w in tilt.true(wi, wo))
+    upright = _turned(samples, -azimuth)
+    wi, wo, values = _undone(upright, tilt)
     above = (wi[:, 2] >= 0) & (wo[:, 2] >= 0)
-    ratio = grazing(samples.wo[:, 2:]) / grazing(wo[:, 2:])
-    return replace(replace(samples, values=samples.values * ratio).select(above), wi=wi[above], wo=wo[above])
+    straight = replace(upright.select(above), wi=normalize(wi[above]), wo=normalize(wo[above]), values=values[above])
+    return _turned(straight, azimuth)
 
 
 class _Process:
@@ -156,7 +156,7 @@ class _Process:
 
 def _finding(in_plane: TiltAngle) -> TiltFinding:
     across = unknown("a tilt across the plane of incidence is not looked for in a list of samples")
-    return TiltFinding(in_plane, across, ("median error of each value predicted from the others", ""))
+    return TiltFinding(in_plane, across, ("median error of predicting a value from the others", ""))
 
 
 def _telling(samples: Samples, seed: int) -> Samples | None:
@@ -165,8 +165,7 @@ def _telling(samples: Samples, seed: int) -> Samples | None:
     None where fewer than `FEWEST` could tell.
     """
     samples = samples.to("cpu").subset(DRAWN, seed)
-    azimuth = _azimuth(samples)
-    samples = replace(samples, wi=_turned(samples.wi, -azimuth), wo=_turned(samples.wo, -azimuth))
+    samples = _turned(samples, -_azimuth(samples))
     evidence = _evidence(samples, 0.0)
     logs, weight = evidence.logs
     along = along_highlight(evidence.half_angles[0])
@@ -189,9 +188,14 @@ def _telling(samples: Samples, seed: int) -> Samples | None:
 
 def _evidence(samples: Samples, degrees: float) -> Evidence:
     """The samples as arrays with `degrees` of tilt undone, those below the horizon too."""
-    wi, wo = Tilt(math.radians(degrees)).true(samples.wi, samples.wo)
-    values = samples.values * (grazing(samples.wo[:, 2:]) / grazing(wo[:, 2:]))
-    return Evidence(*(tensor.numpy() for tensor in (wi, wo, values, torch.zeros(len(samples)))))
+    arrays = (*_undone(samples, Tilt(math.radians(degrees))), torch.zeros(len(samples)))
+    return Evidence(*(tensor.numpy() for tensor in arrays))
+
+
+def _undone(samples: Samples, tilt: Tilt) -> tuple[Tensor, Tensor, Tensor]:
+    """The directions of the surface (N, 3) and the values (N, C) there, where the light is at azimuth 0."""
+    wi, wo = tilt.true(samples.wi, samples.wo)
+    return wi, wo, samples.values * (grazing(samples.wo[:, 2:]) / grazing(wo[:, 2:]))
 
 
 def _azimuth(samples: Samples) -> float:
@@ -202,7 +206,6 @@ def _azimuth(samples: Samples) -> float:
     return math.atan2(y, x)
 
 
-def _turned(w: Tensor, azimuth: float) -> Tensor:
-    """Directions (N, 3) turned about the normal."""
-    cos, sin = math.cos(azimuth), math.sin(azimuth)
-    return torch.stack((cos * w[:, 0] - sin * w[:, 1], sin * w[:, 0] + cos * w[:, 1], w[:, 2]), 1)
+def _turned(samples: Samples, azimuth: float) -> Samples:
+    """All samples turned about the normal by one angle in radians."""
+    return samples.turned(torch.full_like(samples.weights, azimuth))
