@@ -17,6 +17,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from homofact.brdf.quality.tilt import ReciprocalMean
 from homofact.brdf.source import Source
 from homofact.errors import BadInput, HomofactError
 from homofact.linear.normal import warm_up
@@ -35,7 +36,6 @@ from scripts.compression.real_fits import (
     SAMPLES,
     STRAIGHT,
     Problem,
-    ReciprocalMean,
     Subject,
     cost,
     fitted_here,

@@ -12,6 +12,7 @@ import torch
 from refusals import refused
 
 from homofact.brdf.analytic.ggx import GgxBrdf, GgxLobe
+from homofact.brdf.quality.tilt import ReciprocalMean
 from homofact.brdf.samples import Samples
 from homofact.geometry.directions import draw_uniform
 
@@ -285,13 +286,13 @@ def test_the_reciprocal_mean_is_off_by_the_floor(script: Script, tmp_path: Path,
         def evaluate(self, wi: torch.Tensor, wo: torch.Tensor) -> torch.Tensor:
             return super().evaluate(wi, wo) * (1 + 0.3 * (wi[:, 2:] - wo[:, 2:]))
 
-    module, fits = script("compression.real_judging"), script("compression.real_fits")
+    module = script("compression.real_judging")
     monkeypatch.setattr(module, "pictures", lambda *_: {})
     own = Leaning(1.0, 1.0, 1.0)
-    mean = fits.ReciprocalMean(own)
+    mean = ReciprocalMean(own)
     wi, wo = draw_uniform(50, torch.Generator().manual_seed(2))
     assert mean.evaluate(wi, wo) == pytest.approx(mean.evaluate(wo, wi))
     found = module.Asked.of(own, tmp_path).numbers(mean)
     assert found["RMS"] == pytest.approx(found["floor"], rel=1e-9)
     assert found["MALE"] > 0.001
-    assert fits.ReciprocalMean(PLASTIC).evaluate(wi, wo) == pytest.approx(PLASTIC.evaluate(wi, wo), rel=1e-9)
+    assert ReciprocalMean(PLASTIC).evaluate(wi, wo) == pytest.approx(PLASTIC.evaluate(wi, wo), rel=1e-9)
