@@ -50,7 +50,7 @@ MODULES = {
         "homofact.evaluation.compare", "homofact.evaluation.metric_table", "homofact.evaluation.metrics",
         "homofact.evaluation.brdf_metrics",
         "homofact.evaluation.image_metrics", "homofact.evaluation.appearance", "homofact.evaluation.energy",
-        "homofact.evaluation.split", "homofact.evaluation.seeds", "homofact.evaluation.reopening",
+        "homofact.evaluation.split", "homofact.evaluation.repeats", "homofact.evaluation.reopening",
         "homofact.evaluation.judging", "homofact.evaluation.verdict.verdict", "homofact.evaluation.verdict.finding",
         "homofact.evaluation.chart",
     ),

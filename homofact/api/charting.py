@@ -50,7 +50,7 @@ class SourceChart:
     others: int
 
     def points(self) -> "list[ChartPoint]":
-        """Return the runs, those that differ in their seed alone as one point."""
+        """Return the runs, those that differ in their seed or split alone as one point."""
         from homofact.evaluation.chart_points import points_of
 
         return points_of(self.rows)
@@ -95,6 +95,7 @@ def chart(
     sizes: Sequence[int] = CHARTED["size"],
     searches: Sequence[str] = CHARTED["search"],
     seeds: int = 1,
+    splits: int = 1,
     held_out: float = HELD_OUT,
     seed: int = 0,
     force: bool = False,
@@ -121,6 +122,8 @@ def chart(
         How `search` refines: "gradient", "powell", "nlopt-NAME".
     seeds : int, optional
         How many seeds to fit by, from `seed` on.
+    splits : int, optional
+        How many splits into training and held-out samples, drawn by the seeds from `seed` on.
     held_out : float, optional
         The part of the samples that is held out of the fits.
     seed : int, optional
@@ -158,8 +161,9 @@ def chart(
         methods = named_methods(methods, charted(methods, varied, settings) | {"seed": seed})
 
     from homofact.evaluation.chart import plan
+    from homofact.evaluation.repeats import splits_from
 
-    runs = plan(methods, textures, sizes, searches, seeds)
+    runs = plan(methods, textures, sizes, searches, seeds, splits_from(seed, splits, held_out))
     # A library that is missing is known before anything is fitted.
     check_library("charts", "matplotlib")
     folder = Path(to)

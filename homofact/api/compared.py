@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from homofact.brdf.source import Source
     from homofact.evaluation.means import MeanRow, MeasuredFit
-    from homofact.evaluation.seeds import SeedRows
+    from homofact.evaluation.paired import MethodPair
+    from homofact.evaluation.repeats import RepeatedRows
 
 
 @dataclass(frozen=True)
@@ -19,8 +20,8 @@ class SourceComparison:
     ----------
     source : Source
         What was fitted.
-    rows : dict of SeedRows
-        The fits of each method by label, one for every seed.
+    rows : dict of RepeatedRows
+        The fits of each method by label, one for every split and seed.
     values : dict
         The chosen metrics of each fit by label, on the held-out samples.
     conditions : list of str
@@ -28,7 +29,7 @@ class SourceComparison:
     """
 
     source: "Source"
-    rows: "dict[str, SeedRows]"
+    rows: "dict[str, RepeatedRows]"
     values: dict[str, list[dict[str, float | None]]]
     conditions: list[str]
 
@@ -38,7 +39,7 @@ class SourceComparison:
         return {label: rows.record() | {"metrics": means[label]} for label, rows in self.rows.items()}
 
     def metrics(self) -> dict[str, Mapping[str, float | None]]:
-        """Return the means of the chosen metrics over the seeds, by label; None where a fit has none."""
+        """Return the means of the chosen metrics over the fits, by label; None where a fit has none."""
         return {label: _means(values) for label, values in self.values.items()}
 
     def record(self) -> dict[str, Any]:
@@ -47,12 +48,20 @@ class SourceComparison:
             "source": self.source.name,
             "rows": [{"label": label, **record} for label, record in self.records().items()],
             "metric_conditions": self.conditions,
+            **({"split_by_split": [pair.record() for pair in pairs]} if (pairs := self.split_by_split()) else {}),
         }
+
+    def split_by_split(self) -> "list[MethodPair]":
+        """Return the method of the lowest mean Cole error beside each other one, split by split; none for one split."""
+        from homofact.evaluation.paired import split_by_split
+
+        return split_by_split(self.rows)
 
     def measured(self) -> "list[MeasuredFit]":
         """Return every fit with its numbers."""
         from homofact.brdf.pair_density import scheme_of
         from homofact.evaluation.means import MeasuredFit, settings_in_words
+        from homofact.evaluation.wording import listed_seeds
         from homofact.methods.table import bytes_to_fill
 
         found = []
@@ -61,12 +70,12 @@ class SourceComparison:
                 fit, held_out = row.factorization, round(row.split.held_out * row.samples)
                 scheme = scheme_of(self.source.samples)
                 drawn = "as measured" if scheme is None else f"drawn by the scheme {scheme}"
-                sampling = f"{drawn}, split by seed {row.split.seed}"
+                sampling = f"{drawn}, split by {listed_seeds(seeds.splits)}"
                 found.append(
                     MeasuredFit(
                         self.source.name, label, row.settings.seed, fit.nbytes, fit.fetches, values,
                         fit.transform.epsilon, row.samples, held_out, row.verdict.figures.light.reciprocity,
-                        settings_in_words(row.settings), bytes_to_fill(row.settings), sampling,
+                        settings_in_words(row.settings), bytes_to_fill(row.settings), sampling, row.split.seed,
                     )
                 )  # fmt: skip
         return found
@@ -100,7 +109,7 @@ class CompareResult:
     by_source: bool = False
 
     @property
-    def rows(self) -> "dict[str, SeedRows]":
+    def rows(self) -> "dict[str, RepeatedRows]":
         """The fits to the first source, by label."""
         return self.sources[0].rows
 
@@ -111,7 +120,7 @@ class CompareResult:
 
     @property
     def with_means(self) -> bool:
-        """Whether the JSON form has the means over sources and seeds."""
+        """Whether the JSON form has the means over sources, seeds and splits."""
         return self.several or not self.files.keys().isdisjoint(("csv", "latex"))
 
     def measured(self) -> "list[MeasuredFit]":
@@ -119,7 +128,7 @@ class CompareResult:
         return [fit for source in self.sources for fit in source.measured()]
 
     def means(self) -> "list[MeanRow]":
-        """Return means and standard deviations over sources and seeds, by method and bytes."""
+        """Return means and standard deviations over sources, seeds and splits, by method and bytes."""
         from homofact.evaluation.means import mean_rows
 
         return mean_rows(self.measured())
@@ -147,7 +156,7 @@ class CompareResult:
                     "fits": row.fits,
                     "epsilon": row.epsilon,
                     "metrics": {
-                        name: spread and spread.record() | {"of_seeds": row.of_seeds[name]}
+                        name: spread and spread.record() | {"within_source": row.within_source[name]}
                         for name, spread in row.spreads.items()
                     },
                 }
@@ -157,7 +166,7 @@ class CompareResult:
 
 
 def _means(measured: list[dict[str, float | None]]) -> Mapping[str, float | None]:
-    """The mean of every metric over the seeds, None where one of them has none."""
+    """The mean of every metric over the fits, None where one of them has none."""
     found = {name: [values[name] for values in measured] for name in measured[0]}
     return {
         name: None if None in numbers else sum(number or 0.0 for number in numbers) / len(numbers)

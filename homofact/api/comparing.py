@@ -20,7 +20,7 @@ from homofact.sections import COMPARED, SourceSettings
 if TYPE_CHECKING:
     from homofact.brdf.source import Source
     from homofact.evaluation.estimate import TimeEstimate
-    from homofact.evaluation.seeds import SeedRows
+    from homofact.evaluation.repeats import RepeatedRows
     from homofact.methods.method import Method
 
 
@@ -30,6 +30,7 @@ def compare(
     *,
     held_out: float = HELD_OUT,
     seeds: int | Sequence[int] | str = 1,
+    splits: int = 1,
     seed: int = 0,
     metrics: Sequence[str] = ("six",),
     plot: Place | None = None,
@@ -54,6 +55,9 @@ def compare(
         The part of the samples that is held out of the fits.
     seeds : int, sequence of int or str, optional
         How many seeds to fit by, from `seed` on, or which ones; as text "3" or "0,1,2".
+    splits : int, optional
+        How many splits into training and held-out samples, drawn by the seeds from `seed` on. On several, the result
+        also says on how many of them the best method is better than each other one.
     seed : int, optional
         Of the split, of the samples of a model, and of methods that are given by name.
     metrics : sequence of str, optional
@@ -97,14 +101,15 @@ def compare(
     fits = named_methods(methods, settings | {"seed": seed})
 
     from homofact.evaluation.judging import chosen_metrics
-    from homofact.evaluation.seeds import asked_seeds, seeds_from
+    from homofact.evaluation.repeats import asked_seeds, seeds_from, splits_from
 
     names = chosen_metrics(metrics)
     if isinstance(seeds, str):
         listed = asked_seeds(seed, seeds)
     else:
         listed = seeds_from(seed, seeds) if isinstance(seeds, int) else tuple(seeds)
-    work = _Comparison(fits, listed, held_out, seed, names, refusal, ProgressSteps(progress))
+    drawn = splits_from(seed, splits, held_out)
+    work = _Comparison(fits, listed, drawn, held_out, names, refusal, ProgressSteps(progress))
     work.steps.stage("reading")
     opened = [open_given(one, seed) for one in sources]
     work.steps.warm_up()
@@ -147,12 +152,12 @@ def named_methods(
 
 @dataclass(frozen=True)
 class _Comparison:
-    """A comparison under way: what is fitted by which seeds, how it is measured, and which fits are refused."""
+    """A comparison under way: what is fitted, on which splits, how it is measured, and which fits are refused."""
 
     fits: "dict[str, Method]"
     seeds: tuple[int, ...]
+    splits: tuple[int, ...]
     held_out: float
-    split_seed: int
     metrics: tuple[str, ...]
     refusal: Refusal
     steps: ProgressSteps
@@ -163,7 +168,7 @@ class _Comparison:
         self.steps.estimate(estimate)
         done: list[SourceComparison] = []
         for source, subset in zip(sources, subsets, strict=True):
-            rows: dict[str, SeedRows] = {}
+            rows: dict[str, RepeatedRows] = {}
             interrupted = self._fit(source, subset, rows, estimate, bool(done), len(sources))
             if rows:
                 done.append(self._measured(source, rows))
@@ -178,28 +183,28 @@ class _Comparison:
         for source, subset in zip(sources, subsets, strict=True):
             for fit in self.fits.values():
                 seconds = fit_seconds(fit, training_count(source, fit, self.held_out, subset))
-                jobs += [(fit.name, seconds)] * len(self.seeds)
+                jobs += [(fit.name, seconds)] * len(self.seeds) * len(self.splits)
         return TimeEstimate(jobs)
 
     def _fit(
         self,
         source: "Source",
         subset: int,
-        rows: "dict[str, SeedRows]",
+        rows: "dict[str, RepeatedRows]",
         estimate: "TimeEstimate",
         some: bool,
         count: int,
     ) -> bool:
         """Add the fits of every method to `rows`; whether Ctrl-C ended them: passed on where nothing at all is done."""
-        from homofact.evaluation.seeds import fit_seeds
+        from homofact.evaluation.repeats import fit_repeats
 
-        runs = count * len(self.fits) * len(self.seeds)
+        runs = count * len(self.fits) * len(self.seeds) * len(self.splits)
         for label, fit in self.fits.items():
             of = f"{source.name}, {label}" if count > 1 else label
             # As soon as a fit is done, progress reckons the time itself.
             self.steps.run(of, estimate.done, runs, None if estimate.done else estimate.seconds_left)
             try:
-                rows[label] = fit_seeds(source, fit, self.seeds, self.held_out, self.steps, subset, self.split_seed)
+                rows[label] = fit_repeats(source, fit, self.seeds, self.held_out, self.steps, subset, self.splits)
             except KeyboardInterrupt:
                 if not rows and not some:
                     raise
@@ -212,7 +217,7 @@ class _Comparison:
                 return True
         return False
 
-    def _measured(self, source: "Source", rows: "dict[str, SeedRows]") -> SourceComparison:
+    def _measured(self, source: "Source", rows: "dict[str, RepeatedRows]") -> SourceComparison:
         from homofact.evaluation.judging import FitEvaluator
 
         self.steps.stage("measuring")

@@ -21,7 +21,13 @@ _TABLES = ("plot", "csv", "latex", "by_source", "metrics")
 
 
 def draw_charts(
-    settings: "Config", folder: Path, sources: "list[SourceSettings]", seeds: str, screen: "Screen", quiet: bool
+    settings: "Config",
+    folder: Path,
+    sources: "list[SourceSettings]",
+    seeds: str,
+    splits: int,
+    screen: "Screen",
+    quiet: bool,
 ) -> None:
     """Draw the charts of all sources into the folder, and print their tables.
 
@@ -41,8 +47,8 @@ def draw_charts(
     with screen.progress() as progress:
         found = chart(
             list(sources), folder, methods, textures=varied["textures"], sizes=varied["size"],
-            searches=varied["search"], seeds=int(seeds), held_out=settings.evaluate.held_out, seed=settings.seed,
-            force=settings.output.force, progress=progress,
+            searches=varied["search"], seeds=int(seeds), splits=splits, held_out=settings.evaluate.held_out,
+            seed=settings.seed, force=settings.output.force, progress=progress,
         )  # fmt: skip
     for one in found.charts:
         if one.others:

@@ -11,7 +11,15 @@ from homofact.cli.charts import compared_methods, draw_charts
 from homofact.cli.layout import hanging
 from homofact.cli.screen import Screen, say_ending, say_subset
 from homofact.cli.subject import sources_of
-from homofact.cli.tables import appearance_tables, cost_table, error_table, mean_table, metric_tables, size_table
+from homofact.cli.tables import (
+    appearance_tables,
+    cost_table,
+    error_table,
+    mean_table,
+    metric_tables,
+    pair_table,
+    size_table,
+)
 from homofact.cli.verdicts import brief_lines, names_of, strictness
 from homofact.errors import BadInput
 from homofact.evaluation.wording import counted
@@ -21,7 +29,8 @@ from homofact.sections import FIT
 if TYPE_CHECKING:
     from homofact.api.compared import SourceComparison
     from homofact.config import Config
-    from homofact.evaluation.seeds import SeedRows
+    from homofact.evaluation.compare import ComparisonRow
+    from homofact.evaluation.repeats import RepeatedRows
     from homofact.sections import CompareSettings
 
 Seeds = Annotated[
@@ -29,8 +38,18 @@ Seeds = Annotated[
     typer.Option(
         "--seeds",
         metavar="N|A,B,C",
-        help="Number of seeds to fit with, from --seed on, or a list of seeds, all on one split. Prints means with"
-        " their spread.",
+        help="Number of seeds to fit with, from --seed on, or a list of seeds, all on the same splits. Prints means"
+        " with their spread.",
+        rich_help_panel=FIT,
+    ),
+]
+Splits = Annotated[
+    int,
+    typer.Option(
+        "--splits",
+        metavar="N",
+        help="Repeat all fits with this many different sets of held-out samples. Prints means with their spread, and"
+        " on how many sets the best method beats each other one.",
         rich_help_panel=FIT,
     ),
 ]
@@ -43,6 +62,7 @@ Seeds = Annotated[
 def compare(
     settings: "Config",
     seeds: Seeds = "1",
+    splits: Splits = 1,
     strict: o.Strict = "",
     refuse: o.Refuse = "",
     as_json: o.AsJson = False,
@@ -51,10 +71,10 @@ def compare(
     """Fit several methods to the same samples and print their errors and costs.
 
     For several sources, and with --csv or --latex, it gives means and
-    standard deviations over sources and seeds, by method and bytes. With
-    --bytes, search fills them, and mccool, cole, svd and nmf get the largest
-    size within them; models have no textures to size. After Ctrl-C it prints
-    the finished comparisons and exits with code 130.
+    standard deviations over sources, seeds and splits, by method and bytes.
+    With --bytes, search fills them, and mccool, cole, svd and nmf get the
+    largest size within them; models have no textures to size. After Ctrl-C
+    it prints the finished comparisons and exits with code 130.
 
     If the SOURCES are folders of fits, it compares these fits with their
     source, on the same samples; --plot FILE.png draws them.
@@ -66,7 +86,7 @@ def compare(
     """
     asked = settings.compare
     if asked.sources and all(RESULT.is_at(Path(place)) or EXPORT.is_at(Path(place)) for place in asked.sources):
-        made_anew = {"seeds": seeds != "1", "strict": bool(strict), "refuse": bool(refuse)}
+        made_anew = {"seeds": seeds != "1", "splits": splits != 1, "strict": bool(strict), "refuse": bool(refuse)}
         made_anew |= {name: getattr(asked, name) is not None for name in ("chart", "csv", "latex")}
         for name in (name for name, given in made_anew.items() if given):
             raise BadInput("given beside saved fits", where=name, expected="sources with it")
@@ -78,7 +98,7 @@ def compare(
         for name, value in (("strict", strict), ("refuse", refuse)):
             if value:
                 raise BadInput("given beside a chart", where=name, expected="one of the two")
-        draw_charts(settings, Path(asked.chart), sources, seeds, screen, quiet)
+        draw_charts(settings, Path(asked.chart), sources, seeds, splits, screen, quiet)
         return
     fits = compared_methods(settings, screen)
 
@@ -87,7 +107,7 @@ def compare(
     with screen.progress() as progress:
         found = compare(
             sources if len(sources) > 1 else sources[0], fits, held_out=settings.evaluate.held_out,
-            seeds=seeds, seed=settings.seed, metrics=asked.metrics, plot=asked.plot,
+            seeds=seeds, splits=splits, seed=settings.seed, metrics=asked.metrics, plot=asked.plot,
             csv=asked.csv, latex=asked.latex, by_source=asked.by_source,
             strict=strictness(strict), refuse=names_of(refuse), progress=progress,
         )  # fmt: skip
@@ -130,21 +150,29 @@ def _show(compared: "SourceComparison", screen: Screen, several: bool) -> None:
     for label, seeds in compared.rows.items():
         for row in seeds.rows:
             of = f"{compared.source.name}, " * several + label
-            say_ending(screen, row.report, f"{of}, seed {row.settings.seed}" if len(seeds.rows) > 1 else of)
+            say_ending(screen, row.report, f"{of}, {_drawn(seeds, row)}" if len(seeds.rows) > 1 else of)
     records = compared.records()
     say_subset(screen, next(iter(records.values())))
     if several:
         screen.show(Text(f"\n{compared.source.name}", "bold"))
     screen.show(error_table(records), *appearance_tables(records))
-    screen.show(*metric_tables(compared.metrics()), *map(Text, compared.conditions), cost_table(records))
+    pairs = compared.split_by_split()
+    screen.show(*([pair_table(pairs)] if pairs else []), *metric_tables(compared.metrics()))
+    screen.show(*map(Text, compared.conditions), cost_table(records))
     screen.show(
         *map(Text, brief_lines({_judged(label, rows): rows.first.verdict for label, rows in compared.rows.items()}))
     )
 
 
-def _judged(label: str, seeds: "SeedRows") -> str:
-    """The label of a verdict: of several seeds it is that on the first, with how many of them are trusted."""
+def _judged(label: str, seeds: "RepeatedRows") -> str:
+    """The label of a verdict: of several fits it is that on the first, with how many of them are trusted."""
     if len(seeds.rows) == 1:
         return label
     trusted = sum(row.verdict.trusted for row in seeds.rows)
-    return f"{label}, seed {seeds.first.settings.seed} (trusted: {trusted} of {counted(len(seeds.rows), 'seed')})"
+    return f"{label}, {_drawn(seeds, seeds.first)} (trusted: {trusted} of {counted(len(seeds.rows), 'fit')})"
+
+
+def _drawn(seeds: "RepeatedRows", row: "ComparisonRow") -> str:
+    """Return the seed, the split or both that tell the fit of a row from the others by its method."""
+    words = {"seed": (seeds.seeds, row.settings.seed), "split": (seeds.splits, row.split.seed)}
+    return " ".join(f"{name} {own}" for name, (several, own) in words.items() if len(several) > 1)

@@ -1,6 +1,7 @@
 """The tables of the commands, made to be read in 80 columns: costs and errors stacked, not side by side."""
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from rich.table import Table
@@ -9,10 +10,11 @@ from rich.text import Text
 from homofact.cli.flags import with_options
 from homofact.cli.layout import add_figures, add_names, plain_table
 from homofact.errors import Status
-from homofact.evaluation.wording import brief_figure, counted, figure, shapes
+from homofact.evaluation.wording import brief_figure, counted, figure, of_repeats, repeated_by, shapes
 
 if TYPE_CHECKING:
     from homofact.evaluation.means import MeanRow
+    from homofact.evaluation.paired import MethodPair
 
 
 _SHORT_NAME = 10
@@ -21,13 +23,14 @@ _SHORT_NAME = 10
 def error_table(records: Mapping[str, Mapping[str, Any]]) -> Table:
     """Six metrics of every labelled record, held out over training; linear ones in sr⁻¹.
 
-    A fit that nothing was held out from has one line. A record of several seeds has its means, and under them the
+    A fit that nothing was held out from has one line. A record of several fits has its means, and under them the
     standard deviations.
     """
     from homofact.evaluation.metric_table import SIX
 
-    several = [len(record["seeds"]) for record in records.values() if "seeds" in record]
-    seeds = f"; mean ± standard deviation of {max(several)} seeds" if several else ""
+    seeds = f"; mean ± standard deviation of {of_repeats(*_most_repeats(records.values()))}" * any(
+        "spread" in record for record in records.values()
+    )
     epsilons = sorted({record["epsilon"] for record in records.values()})
     used = f"ε = {' to '.join(f'{epsilon:g}' for epsilon in dict.fromkeys((epsilons[0], epsilons[-1])))}"
     table = plain_table(f"Error (log mse is the Cole error, {used}; mse in sr⁻², mae and max in sr⁻¹{seeds})")
@@ -49,6 +52,12 @@ def error_table(records: Mapping[str, Mapping[str, Any]]) -> Table:
     return table
 
 
+def _most_repeats(records: Iterable[Mapping[str, Any]]) -> tuple[int, int]:
+    """The numbers of seeds and of splits of the record that has most fits."""
+    counts = [(len(record["seeds"]), len(record["splits"])) for record in records if "spread" in record]
+    return max(counts, key=math.prod, default=(1, 1))
+
+
 def _deviation(spread: Mapping[str, float | None]) -> str:
     found = spread["standard_deviation"]
     return "" if found is None else f"± {figure(found)}"
@@ -61,7 +70,7 @@ def _under(spread: Mapping[str, float | None]) -> str:
 
 
 def appearance_tables(records: Mapping[str, Mapping[str, Any]]) -> list[Table]:
-    """Return what an eye would say of every labelled record, means of several seeds; none where no record has it."""
+    """Return what an eye would say of every labelled record, means of several fits; none where no record has it."""
     found = {label: record["appearance"] for label, record in records.items() if record["appearance"] is not None}
     if not found:
         return []
@@ -208,8 +217,27 @@ def metric_tables(values: Mapping[str, Mapping[str, float | None]]) -> list[Tabl
     return tables
 
 
+def pair_table(pairs: "Sequence[MethodPair]") -> Table:
+    """Return the best method beside each other one: on how many splits its errors are lower, and their ratios."""
+    title = "against each other method, split by split (ratio: its held-out error over the other's, least to greatest)"
+    table = plain_table(f"{pairs[0].best} {title}")
+    add_names(table, "against")
+    names = list(pairs[0].ratios)
+    add_figures(table, *(word for name in names for word in (f"{name.replace('_', ' ')} lower", "ratio")))
+    for pair in pairs:
+        cells = []
+        for name in names:
+            spread = pair.spread(name)
+            cells += [
+                f"{pair.lower(name)} of {spread.count}",
+                f"{brief_figure(spread.low)} to {brief_figure(spread.high)}",
+            ]
+        table.add_row(Text(pair.other), *cells)
+    return table
+
+
 def mean_table(rows: "Sequence[MeanRow]") -> Table:
-    """Means over sources and seeds by method and bytes: a line a metric, with both deviations."""
+    """Means over sources, seeds and splits by method and bytes: a line per metric, with both deviations."""
     from homofact.evaluation.metric_table import METRICS
 
     fits = max(row.fits for row in rows)
@@ -219,15 +247,15 @@ def mean_table(rows: "Sequence[MeanRow]") -> Table:
     add_figures(table, "bytes", "fits")
     add_names(table, "metric")
     over_sources = any(row.sources > 1 for row in rows)
-    over_seeds = not over_sources or any(value is not None for row in rows for value in row.of_seeds.values())
-    heads = {"± sources": over_sources, "± seeds": over_seeds}
+    within = not over_sources or any(value is not None for row in rows for value in row.within_source.values())
+    heads = {"± sources": over_sources, "± fits": within}
     add_figures(table, "mean", *(head for head, shown in heads.items() if shown))
     for row in rows:
         about = [Text(row.method), str(row.nbytes), str(row.fits)]
         for name, spread in row.spreads.items():
             unit = METRICS[name].unit
             own = None if spread is None else spread.deviation
-            pair = (own, row.of_seeds[name]) if row.sources > 1 else (None, own)
+            pair = (own, row.within_source[name]) if row.sources > 1 else (None, own)
             kept = [value for value, shown in zip(pair, heads.values(), strict=True) if shown]
             mean = "–" if spread is None else figure(spread.mean)
             deviations = ("" if value is None else figure(value) for value in kept)
@@ -240,7 +268,7 @@ def mean_table(rows: "Sequence[MeanRow]") -> Table:
 def chart_table(title: str, records: Sequence[Mapping[str, Any]], base: float | None) -> Table:
     """Return one line a point: its held-out Cole error, that as a share of `base` (McCool's), its cost, how it ended.
 
-    The last is left out where all are converged or direct. A record of several seeds has its means and the standard
+    The last is left out where all are converged or direct. A record of several fits has its means and the standard
     deviation of the error.
     """
     from homofact.evaluation.chart_ledger import series_name
@@ -248,9 +276,8 @@ def chart_table(title: str, records: Sequence[Mapping[str, Any]], base: float | 
     table = plain_table(title)
     add_names(table, longest=max(len(series_name(record["label"], record["search"])) for record in records))
     spread = any("spread" in record for record in records)
-    add_figures(
-        table, *("textures", "error", *(("± seeds",) if spread else ()), "of McCool", "bytes", "fetches", "fit s")
-    )
+    over = (f"± {repeated_by(*_most_repeats(records))}",) if spread else ()
+    add_figures(table, *("textures", "error", *over, "of McCool", "bytes", "fetches", "fit s"))
     # Where all ended as they should there is nothing to say, and the table fits a narrow terminal.
     usual = {Status.CONVERGED.value, Status.DIRECT.value}
     odd = any(not set(str(record["status"]).split(", ")) <= usual for record in records)

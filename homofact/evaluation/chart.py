@@ -1,6 +1,6 @@
-"""Charts of error against cost: which fits are run, and each of them on the same split of its source.
+"""Charts of error against cost: which fits are run, and all of them on the same splits of their source.
 
-A plan is methods × textures × sizes × searches × seeds, of what each method has. Each finished run becomes a
+A plan is methods × textures × sizes × searches × splits × seeds, of what each method has. Each finished run becomes a
 line of a CSV at once, so that an interrupted chart goes on where it stopped; what is not in it is fitted
 and measured as in a comparison.
 """
@@ -19,7 +19,7 @@ from homofact.evaluation.compare import ComparisonRow, fit_and_measure
 from homofact.evaluation.estimate import TimeEstimate, fit_seconds, training_count
 from homofact.evaluation.machine import machine
 from homofact.evaluation.metric_table import LIGHT
-from homofact.evaluation.seeds import seeds_from
+from homofact.evaluation.repeats import seeds_from
 from homofact.evaluation.split import samples_digest
 from homofact.methods.cole import Cole
 from homofact.methods.cole_search import search_key
@@ -57,9 +57,10 @@ class Run:
 
     @property
     def name(self) -> str:
-        """The run in words."""
-        seed = "" if self.settings.seed == self.split_seed else f", seed {self.settings.seed}"
-        return f"{run_name(self.series, self.textures, self.settings.size)}{seed}"
+        """The run in words, with the seeds of split and fit where they differ."""
+        own = self.settings.seed
+        seeds = "" if own == self.split_seed else f", split {self.split_seed}, seed {own}"
+        return f"{run_name(self.series, self.textures, self.settings.size)}{seeds}"
 
 
 def plan(
@@ -68,12 +69,14 @@ def plan(
     sizes: Sequence[int],
     searches: Sequence[str],
     seeds: int = 1,
+    splits: Sequence[int] = (),
 ) -> tuple[Run, ...]:
     """Every run of a chart, smallest textures first; `methods` gives each label the settings that it starts from.
 
-    Each fit is run by `seeds` seeds, from that of its settings on, which draws the split of them all. What a method
-    has not is not multiplied out: McCool's list is run once a size, and nmf, which draws nothing, by one seed. Raises
-    BadInput for an empty list, fewer than one seed, and for all that the methods themselves refuse.
+    Each fit is run by `seeds` seeds, from that of its settings on, on each of the splits that are drawn by the seeds
+    `splits`; if that is empty, on the one that the seed of its settings draws. What a method has not is not multiplied
+    out: McCool's list is run once a size, and nmf, which draws nothing, by one seed. Raises BadInput for an empty list,
+    fewer than one seed, and for all that the methods themselves refuse.
     """
     for name, choices in (("methods", methods), ("textures", textures), ("sizes", sizes), ("searches", searches)):
         if not choices:
@@ -85,7 +88,7 @@ def plan(
         own["seed"] = seeds_from(base.seed, 1 if isinstance(base, Nmf) else seeds)
         for values in itertools.product(*own.values()):
             settings = replace(base, **dict(zip(own, values, strict=True)))
-            runs[Run(label, settings, base.seed)] = None
+            runs |= dict.fromkeys(Run(label, settings, split) for split in splits or (base.seed,))
     return tuple(runs)
 
 

@@ -1,4 +1,4 @@
-"""The points of a chart: the runs that differ in their seed alone are one, with the spread of what was measured."""
+"""The points of a chart: runs that differ in their seed or split alone are one, with the spread of their numbers."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -11,14 +11,24 @@ from homofact.evaluation.spread import Spread
 
 @dataclass(frozen=True)
 class ChartPoint:
-    """One or more runs of one method, search, number of textures asked for and size; `rows` by rising seed."""
+    """One or more runs of one method, search, number of textures asked for and size; `rows` by split, then seed."""
 
     rows: tuple[ChartRow, ...]
 
     @property
     def first(self) -> ChartRow:
-        """The run of the lowest seed."""
+        """The run of the lowest seeds."""
         return self.rows[0]
+
+    @property
+    def seeds(self) -> list[int]:
+        """The seeds of the fits, each once."""
+        return sorted({row.seed for row in self.rows})
+
+    @property
+    def splits(self) -> list[int]:
+        """The seeds that drew the splits, each once."""
+        return sorted({row.split_seed for row in self.rows})
 
     @property
     def series(self) -> str:
@@ -32,7 +42,7 @@ class ChartPoint:
 
     @property
     def textures(self) -> str:
-        """How many textures were kept: "2", or "1–2" where the seeds differ."""
+        """How many textures were kept: "2", or "1–2" where the runs differ."""
         low, high = (end(row.textures for row in self.rows) for end in (min, max))
         return str(low) if low == high else f"{low}–{high}"
 
@@ -57,17 +67,20 @@ class ChartPoint:
         return Spread.of(row.fetches for row in self.rows)
 
     def record(self) -> dict[str, Any]:
-        """The JSON form: that of the first run; with several seeds means, and beside them "seeds" and "spread"."""
+        """The JSON form: that of the first run; of several runs means, and beside them seeds, splits and spread."""
         records = [row.record() for row in self.rows]
-        return records[0] if len(records) == 1 else mean_record(records) | {"textures": self.textures}
+        if len(records) == 1:
+            return records[0]
+        return mean_record(records, self.seeds, self.splits) | {"textures": self.textures}
 
 
 def points_of(rows: Iterable[ChartRow]) -> list[ChartPoint]:
     """Return the points of a chart's rows, in the order of each one's first row."""
-    by_point: dict[tuple[str, str, int, int], dict[int, ChartRow]] = {}
+    by_point: dict[tuple[str, str, int, int], dict[tuple[int, int], ChartRow]] = {}
     for row in rows:
-        by_point.setdefault((row.label, row.search, row.textures_asked, row.size), {}).setdefault(row.seed, row)
-    return [ChartPoint(tuple(by_seed[seed] for seed in sorted(by_seed))) for by_seed in by_point.values()]
+        point = by_point.setdefault((row.label, row.search, row.textures_asked, row.size), {})
+        point.setdefault((row.split_seed, row.seed), row)
+    return [ChartPoint(tuple(runs[drawn] for drawn in sorted(runs))) for runs in by_point.values()]
 
 
 def reference(points: Sequence[ChartPoint]) -> ChartPoint | None:

@@ -13,7 +13,7 @@ from decimal import Decimal
 from homofact.evaluation.means import MeanRow, MeasuredFit, mean_rows, mixed_epsilons, same_fits
 from homofact.evaluation.metric_table import METRICS
 from homofact.evaluation.spread import Spread
-from homofact.evaluation.wording import counted
+from homofact.evaluation.wording import counted, repeated_by
 from homofact.version import __version__
 
 _SPECIAL = {
@@ -48,8 +48,11 @@ def latex_of(fits: Sequence[MeasuredFit], by_source: bool = False) -> str:
     heads = [_headed(name, powers[name]) for name in metrics]
     sources = {fit.source for fit in fits}
     seeds = sorted({fit.seed for fit in fits})
+    splits = {fit.split_seed for fit in fits}
     of = f"{counted(len(sources), 'source')} and {counted(len(seeds), 'seed')} ({', '.join(map(str, seeds))})"
-    two = any(value is not None for row in rows for value in row.of_seeds.values())
+    of += f" on {counted(len(splits), 'split')}" if len(splits) > 1 else ""
+    within = f"in parentheses: over the {repeated_by(len(seeds), len(splits))} of a source"
+    two = any(value is not None for row in rows for value in row.within_source.values())
     lines = [
         f"% homofact {__version__}: mean and standard deviation over the fits to {of}, on held-out samples.",
         *(
@@ -65,7 +68,7 @@ def latex_of(fits: Sequence[MeasuredFit], by_source: bool = False) -> str:
         *_grouped(groups, rows[0], powers),
         *(_line(row, powers) for row in rows),
         r"\bottomrule",
-        *([_note(r"$\pm$: over the sources; in parentheses: over the seeds of a source.", rows[0])] if two else []),
+        *([_note(rf"$\pm$: over the sources; {within}.", rows[0])] if two else []),
         *_marked(fits, rows[0]),
         r"\end{tabular}",
     ]
@@ -166,7 +169,7 @@ def sources_in_words(fits: Sequence[MeasuredFit]) -> list[str]:
 
 def _line(row: MeanRow, powers: Mapping[str, int | None]) -> str:
     mark = f"$^{{{_MARK.strip('$')}}}$" if row.not_reciprocal else ""
-    numbers = (_cell(spread, row.of_seeds[name], powers[name]) for name, spread in row.spreads.items())
+    numbers = (_cell(spread, row.within_source[name], powers[name]) for name, spread in row.spreads.items())
     cells = [escaped(_method(row.method)) + mark, str(row.nbytes), str(row.fetches), str(row.fits), *numbers]
     return " & ".join(cells) + r" \\"
 
@@ -219,10 +222,10 @@ def _fixed(value: float, digits: int, power: int) -> str:
     return f"{digits_kept:f}" if digits >= 0 else f"{int(digits_kept)}"
 
 
-def _cell(spread: Spread | None, of_seeds: float | None, power: int | None) -> str:
+def _cell(spread: Spread | None, within_source: float | None, power: int | None) -> str:
     """A cell of a column whose head has the `power` of ten; of None each cell has its own.
 
-    The deviation `of_seeds` stands behind it in parentheses.
+    The deviation `within_source` stands behind it in parentheses.
     """
     if spread is None or math.isnan(spread.mean):
         return "--"
@@ -231,8 +234,8 @@ def _cell(spread: Spread | None, of_seeds: float | None, power: int | None) -> s
     own = _own_power(spread.mean, spread.deviation) if power is None else power
     mean, deviation, _ = rounded(spread.mean, spread.deviation, own)
     both = rf"{mean} \pm {deviation}" if deviation else mean
-    if of_seeds is not None:
-        both += rf"\;({_fixed(of_seeds, _digits(of_seeds) + own, own) if of_seeds else '0'})"
+    if within_source is not None:
+        both += rf"\;({_fixed(within_source, _digits(within_source) + own, own) if within_source else '0'})"
     if power is not None:
         return f"${both}$"
     return rf"$({both}) \times 10^{{{own}}}$" if deviation else rf"${both} \times 10^{{{own}}}$"

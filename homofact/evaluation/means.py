@@ -1,10 +1,10 @@
-"""Methods over several sources and seeds in one table, for a paper: means and standard deviations, as CSV and LaTeX.
+"""Methods over several sources, seeds and splits in one table, for a paper: means and deviations, as CSV and LaTeX.
 
 Fits are gathered by method and bytes, since an error is only to be compared at equal bytes: a method whose fits to some
 sources take fewer bytes has several rows. Fits that were to take so many bytes count as equal, though they fill them
 differently; their row has the bytes and fetches of the largest. Standard deviations are those of a sample (n − 1).
-Sources differ far more than seeds, so a row over several sources has two: that of the sources' means over their seeds,
-and that of the seeds of a source, √(mean of the variances) over the sources.
+Sources differ far more than the fits to one of them, so a row over several sources has two: that of the sources' means,
+and that of the fits to a source, by several seeds or on several splits: √(mean of the variances) over the sources.
 """
 
 import math
@@ -22,7 +22,7 @@ from homofact.methods.known_mixes import DESCENDING
 
 _COLUMNS = (
     "source", "method", "bytes", "fetches", "sources", "fits", "metric", "unit", "mean", "standard_deviation",
-    "of_seeds", "min", "max", "epsilon",
+    "within_source", "min", "max", "epsilon",
 )  # fmt: skip
 # Metrics of the log transform, whose values depend on its ε.
 OF_EPSILON = ("log_mse", "log_mae", "log_max")
@@ -35,10 +35,10 @@ _SETTINGS = ("textures", "size", "bytes", "effort", "budget", "restarts", "joint
 class MeasuredFit:
     """One fit: what it is of and by, its bytes and fetches, and its metrics' numbers by name, None for no number.
 
-    `epsilon` is that of its log transform, `samples` how many the source has, `held_out` how many of them the numbers
-    are from. `swapped` is the share of the fit's light that changes where light and viewer are swapped, `settings`
-    are those of its method in words, and `asked` is the number of bytes that it had to fill. `sampling` states how its
-    samples were drawn and split.
+    `seed` is the fit's, and `split_seed` drew its split. `epsilon` is that of its log transform, `samples` how many the
+    source has, `held_out` how many of them the numbers are from. `swapped` is the share of the fit's light that changes
+    where light and viewer are swapped, `settings` are those of its method in words, and `asked` is the number of bytes
+    that it had to fill. `sampling` states how its samples were drawn and split.
     """
 
     source: str
@@ -54,6 +54,7 @@ class MeasuredFit:
     settings: str = ""
     asked: int | None = None
     sampling: str = ""
+    split_seed: int = 0
 
     @property
     def group(self) -> tuple[str, int]:
@@ -71,7 +72,7 @@ class MeanRow:
     """All fits by one method in so many bytes: of a source, or of all ("").
 
     `spreads` are by metric; None where some fit has no number. Over several sources, their deviations are those of
-    the sources' means, and `of_seeds` has those of the seeds of a source, by metric; None where no source has two.
+    the sources' means, and `within_source` has those of the fits to a source, by metric; None where no source has two.
     `epsilon` is None where fits have different ones. `not_reciprocal` counts the fits in which light and viewer may not
     be swapped.
     """
@@ -84,16 +85,16 @@ class MeanRow:
     fits: int
     epsilon: float | None
     spreads: dict[str, Spread | None]
-    of_seeds: dict[str, float | None]
+    within_source: dict[str, float | None]
     not_reciprocal: int = 0
 
 
-def mean_record(records: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Return the records of fits that differ in their seed alone, as one: of a comparison or of a chart.
+def mean_record(records: Sequence[Mapping[str, Any]], seeds: Sequence[int], splits: Sequence[int]) -> dict[str, Any]:
+    """Return the records of fits that differ in their seeds and splits alone, as one: of a comparison or of a chart.
 
     Errors, seconds, evaluations and figures of light are means; "spread" has the mean, least, greatest and standard
-    deviation of each, and "seeds" are the fits'. Bytes and fetches are those of the largest fit; all else is the
-    first's.
+    deviation of each, "seeds" are the fits' and "splits" the seeds of their splits. Bytes and fetches are those of the
+    largest fit; all else is the first's.
     """
     own = records[0]
 
@@ -114,7 +115,8 @@ def mean_record(records: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         "seconds": {name: spread["mean"] for name, spread in seconds.items()},
         "error": {part: {name: spread["mean"] for name, spread in some.items()} for part, some in error.items()},
         "appearance": figures[0] | mean_figures(figures) | _mean_opinion(figures) if figures else None,
-        "seeds": [record["seed"] for record in records],
+        "seeds": list(seeds),
+        "splits": list(splits),
         "spread": {
             "error": error,
             "seconds": seconds,
@@ -141,13 +143,13 @@ def mean_rows(fits: Sequence[MeasuredFit], source: str = "") -> list[MeanRow]:
             nbytes = max(fit.nbytes for fit in some)
             both = {name: _spreads([(fit.source, fit.values[name]) for fit in some]) for name in some[0].values}
             spreads = {name: spread for name, (spread, _) in both.items()}
-            of_seeds = {name: deviation for name, (_, deviation) in both.items()}
+            within_source = {name: deviation for name, (_, deviation) in both.items()}
             sources, fetches = len({fit.source for fit in some}), max(fit.fetches for fit in some)
             epsilons = {fit.epsilon for fit in some}
             epsilon = epsilons.pop() if len(epsilons) == 1 else None
             one_way = sum(not fit.is_reciprocal for fit in some)
             rows.append(
-                MeanRow(source, method, nbytes, fetches, sources, len(some), epsilon, spreads, of_seeds, one_way)
+                MeanRow(source, method, nbytes, fetches, sources, len(some), epsilon, spreads, within_source, one_way)
             )
     return rows
 
@@ -192,13 +194,15 @@ def without_numbers(fits: Sequence[MeasuredFit]) -> str:
 
 
 def same_fits(fits: Sequence[MeasuredFit]) -> str:
-    """Return a warning if a method gave one and the same fit for all its seeds; else nothing.
+    """Return a warning if a method gave one and the same fit for all its seeds on one split; else nothing.
 
     Examples
     --------
     >>> same_fits([MeasuredFit("a", "search", seed, 12, 3, {"log_mse": 0.1}, 1, 9, 2) for seed in (0, 1)])
-    'search: all seeds gave the same fit, so ± 0 tells nothing of how such fits scatter'
+    'search: all seeds gave the same fit, so ± 0 tells nothing of how such fits scatter; for that give `splits=5`'
     """
+    if len({fit.split_seed for fit in fits}) > 1:
+        return ""
     numbers: dict[tuple[str, str], list[tuple[float | None, ...]]] = {}
     for fit in fits:
         numbers.setdefault((fit.method, fit.source), []).append((fit.nbytes, *fit.values.values()))
@@ -208,7 +212,7 @@ def same_fits(fits: Sequence[MeasuredFit]) -> str:
             alike.setdefault(method, []).append(source)
     sources = len({fit.source for fit in fits})
     named = [method + (f" on {', '.join(own)}" if len(own) < sources else "") for method, own in alike.items()]
-    same = "all seeds gave the same fit, so ± 0 tells nothing of how such fits scatter"
+    same = "all seeds gave the same fit, so ± 0 tells nothing of how such fits scatter; for that give `splits=5`"
     return f"{'; '.join(named)}: {same}" if named else ""
 
 
@@ -221,7 +225,7 @@ def csv_of(fits: Sequence[MeasuredFit]) -> str:
         for name, spread in row.spreads.items():
             numbers = [""] * 5
             if spread is not None:
-                found = (spread.mean, spread.deviation, row.of_seeds[name], spread.low, spread.high)
+                found = (spread.mean, spread.deviation, row.within_source[name], spread.low, spread.high)
                 numbers = [_plain(x) for x in found]
             about = (row.nbytes, row.fetches, row.sources, row.fits)
             of_epsilon = _plain(row.epsilon) if name in OF_EPSILON else ""
@@ -249,7 +253,7 @@ def _plain(value: float | None) -> str:
 
 
 def _spreads(values: Sequence[tuple[str, float | None]]) -> tuple[Spread | None, float | None]:
-    """The spread of (source, number) pairs and the deviation of the seeds of a source, as `MeanRow` has them."""
+    """The spread of (source, number) pairs and the deviation of the fits to a source, as `MeanRow` has them."""
     every = _spread([value for _, value in values])
     if every is None:
         return None, None
@@ -261,8 +265,8 @@ def _spreads(values: Sequence[tuple[str, float | None]]) -> tuple[Spread | None,
     if len(several) == 1:
         return every, None
     means = Spread.of(each.mean for each in several)
-    of_seeds = math.sqrt(fmean(variances)) if variances else None
-    return replace(every, mean=means.mean, deviation=means.deviation), of_seeds
+    within_source = math.sqrt(fmean(variances)) if variances else None
+    return replace(every, mean=means.mean, deviation=means.deviation), within_source
 
 
 def _spread(values: Sequence[float | None]) -> Spread | None:

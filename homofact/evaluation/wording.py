@@ -106,3 +106,40 @@ def counted(number: int, noun: str) -> str:
     """Return the number with its noun, in the plural where it is not 1."""
     plural = f"{noun}es" if noun.endswith("ch") else f"{noun}s"
     return f"{number} {noun if number == 1 else plural}"
+
+
+def repeated_by(seeds: int, splits: int) -> str:
+    """Return the name of what several fits of a method differ in: "seeds", "splits", or "fits" where it is both.
+
+    Examples
+    --------
+    >>> repeated_by(3, 1), repeated_by(1, 5), repeated_by(3, 5)
+    ('seeds', 'splits', 'fits')
+    """
+    return "seeds" if splits == 1 else "splits" if seeds == 1 else "fits"
+
+
+def of_repeats(seeds: int, splits: int) -> str:
+    """Return the number of fits of a method, with what they differ in.
+
+    Examples
+    --------
+    >>> of_repeats(3, 1), of_repeats(1, 5), of_repeats(3, 5)
+    ('3 fits by different seeds', '5 fits on different splits', '15 fits by 3 seeds on 5 splits')
+    """
+    if seeds > 1 and splits > 1:
+        return f"{seeds * splits} fits by {seeds} seeds on {splits} splits"
+    return f"{splits} fits on different splits" if splits > 1 else f"{seeds} fits by different seeds"
+
+
+def listed_seeds(seeds: Sequence[int]) -> str:
+    """Return seeds in words.
+
+    Examples
+    --------
+    >>> listed_seeds([4]), listed_seeds([4, 7]), listed_seeds([4, 5, 6])
+    ('seed 4', 'seeds 4 and 7', 'seeds 4 to 6')
+    """
+    if len(seeds) > 2 and list(seeds) == list(range(seeds[0], seeds[-1] + 1)):
+        return f"seeds {seeds[0]} to {seeds[-1]}"
+    return f"seed{'s' * (len(seeds) > 1)} {listed(list(map(str, seeds)))}"

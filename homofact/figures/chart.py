@@ -1,8 +1,8 @@
 """The two charts of one source: error against fitting time, and against what an evaluation costs.
 
 Held-out Cole error upwards, cost to the right, both logarithmic: down and to the left is better. Every
-point is a run and says its textures and size; runs that differ in their seed alone are one point, their mean, with
-bars from the least to the greatest. The filled points are the Pareto front, which a line joins,
+point is a run and says its textures and size; runs that differ in their seed or split alone are one point, their mean,
+with bars from the least to the greatest. The filled points are the Pareto front, which a line joins,
 the open ones are beaten by another in both. McCool's own factorization is the reference: the right
 hand axis and the numbers on the front are shares of its lowest error among the runs of the chart.
 """
@@ -21,6 +21,7 @@ from matplotlib.lines import Line2D
 from homofact.errors import BadInput
 from homofact.evaluation.chart_ledger import ChartRow
 from homofact.evaluation.chart_points import ChartPoint, points_of, reference
+from homofact.evaluation.wording import listed_seeds, of_repeats
 from homofact.figures.chart_panel import FETCHES, FRONT_COLOUR, KIBIBYTES, SECONDS, Look, Panel, share_axis
 from homofact.figures.words import in_figure
 from homofact.files.atomic import write_bytes
@@ -148,15 +149,15 @@ def _caption(rows: Sequence[ChartRow], width: float) -> list[str]:
     first = rows[0]
     bare = ", or bytes of a model without textures" if any(row.size == 0 for row in rows) else ""
     caption = [f"Labels: number of textures × their size in texels{bare}."]
-    most = max(len(point.rows) for point in points_of(rows))
-    if most > 1:
-        mean = f"the mean of up to {most} fits by different seeds"
+    widest = max(points_of(rows), key=lambda point: len(point.rows))
+    if len(widest.rows) > 1:
+        mean = f"the mean of up to {of_repeats(len(widest.seeds), len(widest.splits))}"
         caption[0] += f" A point is {mean}, its bars go from least to greatest."
     if any(row.textures < row.textures_asked for row in rows):
         caption[0] += " A run may keep fewer textures than requested, where more were not worth it."
     caption += [
-        f"ε = {first.epsilon:g}, {first.held_out_part:.0%} of {first.samples} samples held out, seed"
-        f" {first.split_seed}, channels {first.channels if len(first.channels) < 16 else 'of a spectrum'}.",
+        f"ε = {first.epsilon:g}, {first.held_out_part:.0%} of {first.samples} samples held out,"
+        f" {listed_seeds(widest.splits)}, channels {first.channels if len(first.channels) < 16 else 'of a spectrum'}.",
         first.machine,
     ]
     left_out = sum(not _drawn(row) for row in rows)

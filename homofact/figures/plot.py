@@ -1,4 +1,4 @@
-"""The picture of a comparison: every metric of every method, training beside held out, with the spread of seeds."""
+"""The picture of a comparison: every metric of every method, training beside held out, with the spread of its fits."""
 
 import math
 import os
@@ -10,9 +10,9 @@ from matplotlib.figure import Figure
 
 from homofact.evaluation.compare import ComparisonRow
 from homofact.evaluation.metric_table import METRICS, SIX
-from homofact.evaluation.seeds import SeedRows
+from homofact.evaluation.repeats import RepeatedRows
 from homofact.evaluation.spread import Spread
-from homofact.evaluation.wording import counted, shapes
+from homofact.evaluation.wording import counted, of_repeats, shapes
 from homofact.figures.log_axis import log_x
 from homofact.figures.words import in_figure
 from homofact.files.atomic import replace_file
@@ -27,16 +27,16 @@ _COLUMN: dict[str, Any] = {
 _BESIDE: dict[str, Any] = {"xycoords": ("axes fraction", "data"), "va": "center"}
 
 
-def plot_rows(path: str | os.PathLike[str], rows: Sequence[ComparisonRow | SeedRows]) -> None:
+def plot_rows(path: str | os.PathLike[str], rows: Sequence[ComparisonRow | RepeatedRows]) -> None:
     """Draw the six metrics of `rows` as dots on logarithmic axes into `path` (PNG, SVG or PDF by its ending).
 
     Each line of the panel is a method: a ring for the training samples joined to a dot for the held-out ones, with the
-    numbers at the right. For several seeds they are means, each with a line from the least to the greatest value. An
-    error of 0 is shown only as a number.
+    numbers at the right. For several seeds or splits they are means, each with a line from the least to the greatest
+    value. An error of 0 is shown only as a number.
 
     Raises BadInput if the file cannot be written.
     """
-    several = [row if isinstance(row, SeedRows) else SeedRows((row,)) for row in rows]
+    several = [row if isinstance(row, RepeatedRows) else RepeatedRows((row,)) for row in rows]
     names = [_name(row) for row in several]
     figure = Figure(figsize=(13, 1.6 + 2 * (0.5 + 0.3 * len(rows))))
     figure.set_layout_engine("constrained", wspace=0.04, hspace=0.08)
@@ -52,8 +52,9 @@ def plot_rows(path: str | os.PathLike[str], rows: Sequence[ComparisonRow | SeedR
         axis.tick_params(axis="y", length=0, labelsize=9, labelleft=number % 3 == 0)
     axes[0, 0].set_ylim(len(rows) - 0.4, -0.6)
     axes[0, 0].set_yticks(range(len(rows)), names)
-    first, most = several[0].first, max(len(row.rows) for row in several)
-    seeds = "" if most == 1 else f"; means of {most} fits by different seeds, lines from least to greatest"
+    first, widest = several[0].first, max(several, key=lambda row: len(row.rows))
+    means = f"; means of {of_repeats(len(widest.seeds), len(widest.splits))}, lines from least to greatest"
+    seeds = means if len(widest.rows) > 1 else ""
     epsilon = first.factorization.transform.epsilon
     figure.suptitle(f"{in_figure(first.source)}: lower is better (ε = {epsilon:g}, {first.samples} samples{seeds})")
     replace_file(path, lambda made: figure.savefig(made, dpi=110))
@@ -84,12 +85,12 @@ def _dots(axis: Axes, spreads: Sequence[tuple[Spread, Spread]]) -> None:
             axis.annotate(f"{part.mean:.3g}", (1.0, place), (column, 0), color=colour, **_COLUMN | _BESIDE)
 
 
-def _name(several: SeedRows) -> str:
+def _name(several: RepeatedRows) -> str:
     sizes = dict.fromkeys(shapes([texture.size for texture in row.factorization.textures]) for row in several.rows)
     settings = several.first.settings
     if not several.first.factorization.textures:
         lobes = getattr(settings, "lobes", 0)
         return f"{settings.name}, {lobes} lobe{'' if lobes == 1 else 's'}" if lobes else settings.name
-    # What others of several seeds came out with, the table of costs has.
+    # The table of costs has what the other fits came out with.
     first, *others = sizes
     return f"{settings.name}, {first}" + (f" and {counted(len(others), 'other')}" if others else "")

@@ -88,6 +88,8 @@ def test_fits_that_cannot_be_compared_are_refused(fits: Path, tmp_path: Path, ca
     assert "csv: given beside saved fits" in capsys.readouterr().err
     assert main(["compare", str(fits / "small"), str(fits / "large"), "--seeds", "2"]) == 2
     assert "seeds: given beside saved fits" in capsys.readouterr().err
+    assert main(["compare", str(fits / "small"), str(fits / "large"), "--splits", "2"]) == 2
+    assert "splits: given beside saved fits" in capsys.readouterr().err
     # Between fits and sources there is nothing to compare.
     assert main(["compare", str(fits / "small"), SOURCE]) == 2
     assert "found the folder of a fit" in capsys.readouterr().err

@@ -9,6 +9,7 @@ import pytest
 import homofact
 from homofact.brdf.formats.csv import write as write_csv
 from homofact.cli.main import main
+from homofact.evaluation.wording import brief_figure
 from homofact.methods.table import unused_settings
 
 FAST = ["material:phong-10", "material:lafortune-clay", "--count", "300", "--size", "5", "--methods", "mccool,cole"]
@@ -58,7 +59,7 @@ def test_a_measurement_beside_a_model_has_another_epsilon(capsys: pytest.Capture
     words = "log_mse, log_mae, log_max: the means are over different ε (clay.csv 0.01, phong-10 1e-05); for one ε give"
     assert f"homofact: {words} --epsilon 0.01\n" in capsys.readouterr().err
     latex = Path("a.tex").read_text(encoding="utf-8").splitlines()
-    assert latex[1] == "% clay.csv: epsilon 0.01; 60 of 300 samples held out"
+    assert latex[1] == "% clay.csv: epsilon 0.01; 60 of 300 samples held out; as measured, split by seed 0"
     assert latex[3] == f"% Beware: {words} `epsilon=0.01`"
     assert main([*line, "--epsilon", "0.01", "--latex", "a.tex", "--force", "--json"]) == 0
     streams = capsys.readouterr()
@@ -76,13 +77,14 @@ def test_a_measurement_beside_a_model_has_another_epsilon(capsys: pytest.Capture
         (["--by-source"], "by_source: found no LaTeX table, expected a file for one"),
         (["--seeds", "1,1"], "seeds: found '1,1', expected different seeds"),
         (["--seeds", "many"], "seeds: found 'many', expected how many (3)"),
+        (["--splits", "0"], "splits: found 0, expected at least 1"),
         (["none.brdf"], "none.brdf"),
     ],
 )
 def test_what_cannot_be_meant_is_refused_before_a_fit(
     more: list[str], words: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("homofact.evaluation.seeds.fit_seeds", lambda *_: pytest.fail("it fitted"))
+    monkeypatch.setattr("homofact.evaluation.repeats.fit_repeats", lambda *_: pytest.fail("it fitted"))
     assert main(["compare", *FAST, *more]) == 2
     assert words in " ".join(capsys.readouterr().err.split())
     assert list(Path().iterdir()) == []
@@ -107,6 +109,34 @@ def test_the_latex_table_can_have_the_rows_of_each_source(capsys: pytest.Capture
     assert shown == pytest.approx([means["phong-10"], means["lafortune-clay"], means["all"]], rel=0.2)
     assert main([*line, "--latex", "b.tex"]) == 0
     assert r"\multicolumn" not in Path("b.tex").read_text(encoding="utf-8")
+
+
+@pytest.mark.usefixtures("fast")
+def test_splits_are_compared_one_by_one(capsys: pytest.CaptureFixture[str]) -> None:
+    line = ["compare", FAST[0], "--count", "300", "--size", "5", "--methods", "mccool,svd", "--metrics", "log_mse"]
+    line += ["--splits", "3", "--seed", "2", "--latex", "a.tex"]
+    assert main([*line, "--json"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    errors = {
+        row["label"]: [fit["error"]["held_out"]["log_mse"] for fit in row["rows"]]
+        for row in answer["rows"]
+    }  # fmt: skip
+    assert [[fit["split"]["seed"] for fit in row["rows"]] for row in answer["rows"]] == [[2, 3, 4]] * 2
+    (pair,) = answer["split_by_split"]
+    ratios = [own / other for own, other in zip(errors[pair["best"]], errors[pair["other"]], strict=True)]
+    assert len(set(ratios)) == 3
+    assert pair["errors"]["log_mse"]["ratios"] == pytest.approx(ratios)
+    lower = sum(ratio < 1 for ratio in ratios)
+    assert pair["errors"]["log_mse"]["lower_on"] == lower
+    latex = Path("a.tex").read_text(encoding="utf-8").splitlines()
+    assert latex[0].endswith("over the fits to 1 source and 1 seed (2) on 3 splits, on held-out samples.")
+    assert latex[1].endswith("split by seeds 2 to 4")
+    Path("a.tex").unlink()
+    assert main(line) == 0
+    out = " ".join(capsys.readouterr().out.split())
+    assert "standard deviation of 3 fits on different splits" in out
+    assert f"{pair['other']} {lower} of 3 {brief_figure(min(ratios))} to {brief_figure(max(ratios))}" in out
+    assert "split 2 (trusted:" in out
 
 
 def test_settings_are_unused_where_no_method_of_the_line_has_them() -> None:

@@ -15,7 +15,7 @@ from ran import Ran
 
 import homofact
 import homofact.evaluation.compare
-import homofact.evaluation.seeds
+import homofact.evaluation.repeats
 from homofact.cli.main import main
 from homofact.cli.screen import Screen
 from homofact.errors import SolverFailure, Status
@@ -62,7 +62,7 @@ def test_an_interrupt_ends_a_comparison_with_what_there_is(
 ) -> None:
     """Whether the interrupted fit has something to show or not, it is the last."""
     fitted: list[str] = []
-    measure = homofact.evaluation.seeds.fit_and_measure
+    measure = homofact.evaluation.repeats.fit_and_measure
 
     def second_cut_short(source: Any, settings: Any, *more: Any) -> Any:
         fitted.append(settings.name)
@@ -71,7 +71,7 @@ def test_an_interrupt_ends_a_comparison_with_what_there_is(
         row = measure(source, settings, *more)
         return row if len(fitted) < 2 else replace(row, report=replace(row.report, status=Status.INTERRUPTED))
 
-    monkeypatch.setattr(homofact.evaluation.seeds, "fit_and_measure", second_cut_short)
+    monkeypatch.setattr(homofact.evaluation.repeats, "fit_and_measure", second_cut_short)
     ran = run("compare", *SMALL, *SIZE, "--methods", "mccool,mccool:h+wi,svd", "--json")
     assert ran.code == 130
     labels = ["mccool", "mccool:h+wi"] if kept else ["mccool"]
@@ -143,7 +143,7 @@ def test_an_interrupt_of_the_first_method_leaves_nothing(
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(homofact.evaluation.seeds, "fit_and_measure", interrupted)
+    monkeypatch.setattr(homofact.evaluation.repeats, "fit_and_measure", interrupted)
     ran = run("compare", *SMALL, *SIZE, "--methods", "mccool,svd")
     assert ran == (130, "", "homofact: interrupted, nothing was written\n")
 

@@ -151,7 +151,7 @@ def test_several_seeds_are_means_with_their_spread(capsys: pytest.CaptureFixture
     assert main(command) == 0
     ran = capsys.readouterr()
     out = ran.out
-    assert "mean ± standard deviation of 3 seeds" in " ".join(out.split())
+    assert "mean ± standard deviation of 3 fits by different seeds" in " ".join(out.split())
     assert f"±{brief_figure(light['standard_deviation'])}" in out.partition("Light, fit over source")[2]
     assert f"±{brief_figure(cole['spread']['seconds']['fit']['standard_deviation'])[:1]}" in out.partition("Cost")[2]
     trusted = [row["verdict"]["trusted"] for row in cole["rows"]]

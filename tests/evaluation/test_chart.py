@@ -337,11 +337,18 @@ def test_a_record_has_what_a_comparison_has(source: Source, tmp_path: Path) -> N
     assert (mine["method"], mine["search"], mine["held_out_part"]) == ("search", "gradient", 0.2)
 
 
+def test_every_seed_is_a_run_on_every_split() -> None:
+    assert [run.split_seed for run in plan(methods("nmf"), (1,), (3,), ("gradient",), 3, (4, 5))] == [4, 5]
+    both = plan(methods("cole", seed=4), (1,), (3,), ("gradient",), 2, (4, 5))
+    drawn = [(run.split_seed, run.settings.seed) for run in both]
+    assert sorted(drawn) == [(4, 4), (4, 5), (5, 4), (5, 5)]
+
+
 @pytest.mark.slow
 def test_seeds_are_runs_of_one_split(source: Source, tmp_path: Path) -> None:
     runs = plan(methods("cole", seed=4), (1,), (3,), ("gradient",), 2)
     assert [(run.settings.seed, run.split_seed) for run in runs] == [(4, 4), (5, 4)]
-    assert [run.name for run in runs] == ["cole, 1 × 3²", "cole, 1 × 3², seed 5"]
+    assert [run.name for run in runs] == ["cole, 1 × 3²", "cole, 1 × 3², split 4, seed 5"]
     rows = run_chart(source, runs, ChartLedger(tmp_path / "a.csv"))
     assert [(row.seed, row.split_seed) for row in rows] == [(4, 4), (5, 4)]
     alone = fit_and_measure(source, runs[1].settings, split_seed=4)

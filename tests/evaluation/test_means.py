@@ -25,7 +25,7 @@ from homofact.evaluation.means import (
     without_numbers,
 )
 from homofact.evaluation.metric_table import METRICS
-from homofact.evaluation.seeds import asked_seeds
+from homofact.evaluation.repeats import asked_seeds
 from homofact.methods.cole import Cole
 from homofact.methods.fitting import FitProgress
 from homofact.methods.search import Search
@@ -56,7 +56,7 @@ def test_fits_are_gathered_by_method_and_bytes() -> None:
     # Of the sources' means 0.2 and 0.5: mean 0.35 and √(2 · 0.15²); of the seeds 0.1 and 0.3 √(2 · 0.1²).
     assert (found.mean, found.deviation) == pytest.approx((0.35, 0.15 * 2**0.5))
     assert (found.count, found.low, found.high) == (3, 0.1, 0.5)
-    assert large.of_seeds["log_mse"] == pytest.approx(0.1 * 2**0.5)
+    assert large.within_source["log_mse"] == pytest.approx(0.1 * 2**0.5)
     one = small.spreads["log_mse"]
     assert one is not None
     assert one.deviation is None
@@ -69,11 +69,11 @@ def test_fits_are_gathered_by_method_and_bytes() -> None:
     (paint, _) = mean_rows(FITS, "paint")
     one = paint.spreads["log_mse"]
     assert one is not None
-    assert (one.deviation, paint.of_seeds["log_mse"]) == (pytest.approx(0.1 * 2**0.5), None)
-    assert (mccool.of_seeds["psnr"], mccool.of_seeds["log_mse"]) == (None, None)
+    assert (one.deviation, paint.within_source["log_mse"]) == (pytest.approx(0.1 * 2**0.5), None)
+    assert (mccool.within_source["psnr"], mccool.within_source["log_mse"]) == (None, None)
 
 
-def test_the_deviation_of_seeds_is_over_the_sources_that_have_several() -> None:
+def test_the_deviation_within_source_is_over_the_sources_that_have_several() -> None:
     values = {"paint": (1.0, 3.0), "clay": (5.0, 5.0, 8.0), "skin": (7.0,)}
     fits = [fit(source, "search", k, 4, value) for source, own in values.items() for k, value in enumerate(own)]
     (row,) = mean_rows(fits)
@@ -81,7 +81,7 @@ def test_the_deviation_of_seeds_is_over_the_sources_that_have_several() -> None:
     assert found is not None
     # Each source counts once: 2, 6 and 7. Variances of seeds: 2 and 3.
     assert (found.mean, found.deviation) == pytest.approx((5.0, 7**0.5))
-    assert row.of_seeds["log_mse"] == pytest.approx(2.5**0.5)
+    assert row.within_source["log_mse"] == pytest.approx(2.5**0.5)
     (line,) = [line for line in latex_of(fits).splitlines() if line.startswith("Search")]
     assert line.split(" & ")[4] == r"$5.00 \pm 2.65\;(1.6)$"
 
@@ -130,8 +130,8 @@ def test_the_csv_reads_back_to_the_last_bit() -> None:
     row = picked["all", "search", "6144", "log_mse"]
     assert float(row["mean"]) == pytest.approx(0.35, rel=1e-15)
     assert float(row["standard_deviation"]) == pytest.approx(0.15 * 2**0.5)
-    assert float(row["of_seeds"]) == pytest.approx(0.1 * 2**0.5)
-    assert picked["paint", "search", "6144", "log_mse"]["of_seeds"] == ""
+    assert float(row["within_source"]) == pytest.approx(0.1 * 2**0.5)
+    assert picked["paint", "search", "6144", "log_mse"]["within_source"] == ""
     assert (row["sources"], row["fits"], row["fetches"], row["unit"]) == ("2", "3", "3", "")
     assert picked["all", "search", "6144", "mae"]["unit"] == "sr⁻¹"
     assert picked["all", "mccool", "6144", "log_mse"]["mean"] == ""
@@ -313,6 +313,8 @@ def test_a_deviation_of_nothing_is_explained() -> None:
     assert same_fits(paint).startswith("search: all seeds")
     assert same_fits([*paint, clay]).startswith("search on paint: all seeds")
     assert same_fits([*paint, clay, replace(clay, seed=1)]).startswith("search: all seeds")
+    # On several splits it is not the seed that their numbers scatter with.
+    assert same_fits([*paint, replace(clay, split_seed=1)]) == ""
     assert same_fits([paint[0], replace(paint[1], nbytes=8)]) == ""
     assert same_fits([paint[0], replace(paint[1], method="cole")]) == ""
     assert f"% {same_fits(paint)}" in latex_of(paint).splitlines()

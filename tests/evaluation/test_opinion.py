@@ -192,7 +192,7 @@ def test_several_seeds_have_the_grade_of_their_mean_difference() -> None:
             "appearance": dict.fromkeys(LIGHT) | seen,
         }  # fmt: skip
 
-    found = mean_record([record(1.0), record(3.0)])["appearance"]
+    found = mean_record([record(1.0), record(3.0)], (0, 1), (0,))["appearance"]
     assert found["delta_e_study"] == 2.0
     assert found["opinion"] == law.opinion(2.0).score
     assert (found["opinion_low"], found["opinion_high"]) == law.interval(found["opinion"])

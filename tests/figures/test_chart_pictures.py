@@ -123,6 +123,10 @@ def test_runs_by_several_seeds_are_one_point(many: list[ChartRow]) -> None:
         assert record["spread"]["seconds"]["fit"] == point.seconds.record()
         assert record["seeds"] == [0, 1, 2]
     assert points_of(many)[0].record() == many[0].record()
+    # On another split it is another run of the same point.
+    (point,) = points_of([replace(many[1], split_seed=split, seed=seed) for split in (7, 3) for seed in (2, 1)])
+    assert [(row.split_seed, row.seed) for row in point.rows] == [(3, 1), (3, 2), (7, 1), (7, 2)]
+    assert (point.record()["seeds"], point.record()["splits"]) == ([1, 2], [3, 7])
     kept = [replace(many[1], textures=textures, seed=textures) for textures in (1, 2)]
     assert points_of(kept)[0].textures == "1–2"
 

@@ -1,0 +1,72 @@
+"""Two methods split by split: whether one is better wherever the same samples are held out.
+
+Errors on held-out samples scatter, and those of all methods scatter together: a split that holds out the top of a
+highlight is hard for each of them. Two means with their deviations may therefore overlap although one method is better
+on every split. So each split gives one ratio of the two errors, and these are counted.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from homofact.evaluation.repeats import RepeatedRows
+from homofact.evaluation.spread import Spread
+
+# The errors on held-out samples that are compared: of logarithms, and of the values themselves.
+PAIRED = ("log_mse", "mse")
+
+
+@dataclass(frozen=True)
+class MethodPair:
+    """The errors of one method over those of another, on the same splits.
+
+    Attributes
+    ----------
+    best : label of the method whose errors are divided.
+    other : label of the method that they are divided by.
+    ratios : of each error that is compared, its ratio on every split, in their order.
+    """
+
+    best: str
+    other: str
+    ratios: dict[str, tuple[float, ...]]
+
+    def lower(self, name: str) -> int:
+        """Return on how many splits the error called `name` is lower by `best`."""
+        return sum(ratio < 1 for ratio in self.ratios[name])
+
+    def spread(self, name: str) -> Spread:
+        """Return the spread of the ratios."""
+        return Spread.of(self.ratios[name])
+
+    def record(self) -> dict[str, Any]:
+        """Return the JSON form."""
+        ratios = {
+            name: {"ratios": list(found), "lower_on": self.lower(name), "splits": len(found)}
+            for name, found in self.ratios.items()
+        }
+        return {"best": self.best, "other": self.other, "errors": ratios}
+
+
+def split_by_split(rows: Mapping[str, RepeatedRows]) -> list[MethodPair]:
+    """Return the method of the lowest mean Cole error beside each other one, on the splits that both were fitted on.
+
+    Several seeds on a split count once, by their mean error. A method with another ε, whose Cole error is another
+    measure, is left out, and so are splits on which an error is 0. None where fewer than two splits are left.
+    """
+    if len(rows) < 2:
+        return []
+    best = min(rows, key=lambda label: rows[label].held_out["log_mse"].mean)
+    pairs = []
+    for other in (label for label in rows if label != best and _epsilon(rows[label]) == _epsilon(rows[best])):
+        common = [seed for seed in rows[best].splits if seed in rows[other].splits]
+        errors = [(rows[best].of_split(seed).held_out, rows[other].of_split(seed).held_out) for seed in common]
+        whole = [(own, against) for own, against in errors if all(against[name].mean > 0 for name in PAIRED)]
+        if len(whole) > 1:
+            ratios = {name: tuple(own[name].mean / against[name].mean for own, against in whole) for name in PAIRED}
+            pairs.append(MethodPair(best, other, ratios))
+    return pairs
+
+
+def _epsilon(rows: RepeatedRows) -> float:
+    return rows.first.factorization.transform.epsilon

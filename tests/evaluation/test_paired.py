@@ -1,0 +1,69 @@
+"""Two methods split by split: ratios by hand, seeds that count once, and what cannot be compared."""
+
+from dataclasses import replace
+
+import pytest
+
+from homofact.brdf.source import open_source
+from homofact.evaluation.compare import ComparisonRow, fit_and_measure
+from homofact.evaluation.paired import split_by_split
+from homofact.evaluation.repeats import RepeatedRows
+from homofact.factor.factorization import Factorization
+from homofact.methods.mccool import McCool
+
+pytestmark = pytest.mark.usefixtures("unseen")
+
+
+@pytest.fixture(scope="module")
+def row() -> ComparisonRow:
+    return fit_and_measure(open_source("material:phong-10", count=200), McCool(size=4))
+
+
+def rows_of(row: ComparisonRow, errors: dict[int, list[tuple[float, float]]]) -> RepeatedRows:
+    """Rows with these (log_mse, mse), by the seed of the split; the fits of a split differ in their own seeds."""
+    made = []
+    for split, several in errors.items():
+        for seed, (log_mse, mse) in enumerate(several):
+            held_out = replace(row.held_out, log_mse=log_mse, mse=mse)
+            settings = replace(row.settings, seed=seed)
+            made.append(replace(row, held_out=held_out, split=replace(row.split, seed=split), settings=settings))
+    return RepeatedRows(tuple(made))
+
+
+def test_each_split_gives_one_ratio(row: ComparisonRow) -> None:
+    # The means of the two, 5.5 and 5, say that "b" is better; their spread hides that "a" is, on two splits of three.
+    a = rows_of(row, {0: [(0.5, 6.0)], 1: [(1.0, 6.0)], 2: [(15.0, 6.0)]})
+    b = rows_of(row, {0: [(1.0, 3.0)], 1: [(2.0, 12.0)], 2: [(12.0, 6.0)]})
+    (pair,) = split_by_split({"a": a, "b": b})
+    assert (pair.best, pair.other) == ("b", "a")
+    assert pair.ratios == {"log_mse": (2.0, 2.0, 0.8), "mse": (0.5, 2.0, 1.0)}
+    # Equal is not lower.
+    assert (pair.lower("log_mse"), pair.lower("mse")) == (1, 1)
+    assert (pair.spread("log_mse").low, pair.spread("log_mse").high) == (0.8, 2.0)
+    record = pair.record()
+    assert record["errors"]["log_mse"] == {"ratios": [2.0, 2.0, 0.8], "lower_on": 1, "splits": 3}
+
+
+def test_seeds_of_a_split_count_once(row: ComparisonRow) -> None:
+    a = rows_of(row, {0: [(1.0, 1.0), (3.0, 1.0)], 1: [(1.0, 1.0), (1.0, 3.0)]})
+    b = rows_of(row, {0: [(8.0, 8.0), (8.0, 8.0)], 1: [(4.0, 4.0), (4.0, 4.0)]})
+    (pair,) = split_by_split({"b": b, "a": a})
+    assert pair.ratios == {"log_mse": (0.25, 0.25), "mse": (0.125, 0.5)}
+
+
+def test_what_cannot_be_compared_is_left_out(row: ComparisonRow) -> None:
+    a = rows_of(row, {0: [(1.0, 1.0)], 1: [(1.0, 1.0)], 2: [(1.0, 1.0)]})
+    assert split_by_split({"a": a}) == []
+    # One split is no repeat, and neither is one common split: Ctrl-C may have ended the other method's fits.
+    assert split_by_split({"a": a.of_split(0), "b": rows_of(row, {0: [(2.0, 2.0)]})}) == []
+    assert split_by_split({"a": a, "b": rows_of(row, {0: [(2.0, 2.0)]})}) == []
+    nothing = rows_of(row, {0: [(2.0, 0.0)], 1: [(2.0, 2.0)], 2: [(4.0, 4.0)]})
+    (pair,) = split_by_split({"a": a, "b": nothing})
+    assert pair.ratios["log_mse"] == (0.5, 0.25)
+    fit = row.factorization
+    assert isinstance(fit, Factorization)
+    other = replace(fit, transform=replace(fit.transform, epsilon=0.5))
+    by_another = RepeatedRows(tuple(replace(each, factorization=other) for each in rows_of(row, {
+        0: [(2.0, 2.0)], 1: [(2.0, 2.0)],
+    }).rows))  # fmt: skip
+    assert split_by_split({"a": a, "b": by_another}) == []
