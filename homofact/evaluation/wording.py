@@ -54,20 +54,22 @@ def part_of_limit(ratio: float) -> str:
     return f"{ratio:.0f} ×" if ratio < 1e5 else f"{figure(ratio)} ×"
 
 
-def trust_in_words(trusted: bool, said: str = "") -> str:
+def trust_in_words(trusted: bool, said: str = "", wide: bool = False) -> str:
     """Return whether a fit is trusted, before the sentence of its verdict; one that begins so stays as it is.
+
+    `wide` tells that its limits are wider than a good fit may be off.
 
     Examples
     --------
     >>> trust_in_words(True, "measured against the source: highlight within 2%")
     'trusted; measured against the source: highlight within 2%'
-    >>> trust_in_words(False)
-    'not trusted'
+    >>> trust_in_words(True, wide=True), trust_in_words(False, wide=True)
+    ('trusted, with wide limits', 'not trusted')
     """
-    word = "trusted" if trusted else "not trusted"
-    if said in ("", word):
+    word = ("trusted, with wide limits" if wide else "trusted") if trusted else "not trusted"
+    if not said:
         return word
-    return said if said.startswith(f"{word}; ") else f"{word}; {said}"
+    return said if said.startswith("trusted" if trusted else "not trusted") else f"{word}; {said}"
 
 
 def light_by_incidence(rows: Sequence[Sequence[float]]) -> str:

@@ -32,7 +32,7 @@ def bound_by(plan: "MaterialPlan", budget: Budget, shared: bool = False) -> str:
     named = []
     if budget.bytes is not None:
         if shared:
-            named.append(f"{counted(budget.bytes, 'byte')} for all materials")
+            named.append(f"{counted(budget.bytes, 'byte')} for all materials together")
         elif max(rung.most_bytes(len(samples.channels)) for rung in rungs) > budget.bytes:
             named.append(counted(budget.bytes, "byte"))
     if budget.fetches is not None and max(rung.most_fetches(samples.isotropic) for rung in rungs) > budget.fetches:

@@ -146,7 +146,7 @@ def test_bytes_are_shared_out_over_several_lightings(scene: Path, capsys: pytest
     assert [each["name"] for each in found["lightings"]] == ["overcast", "sun"]
     assert set(found["materials"][1]["measured"]) == {"overcast", "sun"}
     assert found["materials"][1]["highlight_pixels"] > 0
-    assert "within 50 bytes for all materials" in found["warnings"][0]
+    assert "within 50 bytes for all materials together" in found["warnings"][0]
 
 
 @pytest.mark.slow

@@ -17,12 +17,13 @@ from homofact.brdf.materials import material
 from homofact.brdf.quality.extrapolation import Extrapolation
 from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
-from homofact.evaluation.bar.error_bar import MOST, BarKind, ErrorBar, ErrorBars, percent
+from homofact.evaluation.bar.error_bar import GOOD, MOST, BarKind, ErrorBar, ErrorBars, percent
 from homofact.evaluation.bar.features import FEATURES, OF_QUANTITY, features_of
 from homofact.evaluation.bar.reading import reading_of
 from homofact.evaluation.bar.table import QUANTITIES, RATE, table
 from homofact.evaluation.energy import ALBEDO_DEGREES
 from homofact.evaluation.verdict.figures import Figures
+from homofact.evaluation.wording import trust_in_words
 
 MANY = measured(sample_model(MODEL, 5000, "lobe", seed=8))
 
@@ -235,3 +236,19 @@ def test_a_limit_wider_than_a_factor_of_ten_is_not_trusted() -> None:
     none = ErrorBars((ErrorBar("albedo", BarKind.WITHDRAWN, None, 0.9, (0, 75), reason),))
     assert not none.too_wide
     assert none.sentence() == f"how far it may be off is unknown: {reason}"
+
+
+def test_estimated_limits_beyond_a_good_fit_are_called_wide() -> None:
+    def bars(kind: BarKind, albedo: float | None, sky: float) -> ErrorBars:
+        given = {"albedo": albedo, "highlight": 5.0, "sky": sky}
+        return ErrorBars(tuple(ErrorBar(name, kind, error, 0.9, (0, 75)) for name, error in given.items()))
+
+    assert not bars(BarKind.RIGHT, GOOD["albedo"], GOOD["sky"]).wide
+    assert bars(BarKind.RIGHT, GOOD["albedo"] + 0.01, 0.01).wide
+    assert bars(BarKind.FAULT, 0.01, GOOD["sky"] + 0.01).wide
+    # What was measured is judged itself, and what is unknown has no limit.
+    assert not bars(BarKind.MEASURED, 1.0, 1.0).wide
+    assert not bars(BarKind.WITHDRAWN, None, 0.01).wide
+    assert trust_in_words(True, "as it is", wide=True) == "trusted, with wide limits; as it is"
+    # A saved sentence that has its first words stays as it is.
+    assert trust_in_words(True, "trusted, with wide limits; as it is") == "trusted, with wide limits; as it is"

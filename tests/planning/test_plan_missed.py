@@ -64,12 +64,12 @@ def test_each_limit_is_of_the_lighting_that_misses_it_most() -> None:
     ("budget", "shared", "named"),
     [
         (Budget(bytes=40), False, " within 40 bytes;"),
-        (Budget(bytes=40), True, " within 40 bytes for all materials;"),
-        (Budget(bytes=40, fetches=1), True, " within 40 bytes for all materials and 1 fetch;"),
+        (Budget(bytes=40), True, " within 40 bytes for all materials together;"),
+        (Budget(bytes=40, fetches=1), True, " within 40 bytes for all materials together and 1 fetch;"),
         (Budget(fetches=2), False, " within 2 fetches;"),
         # More than the largest representation takes: no budget is to blame.
         (Budget(bytes=10**6, fetches=99), False, " delta_e 1;"),
-        (Budget(bytes=10**6), True, " within 1000000 bytes for all materials;"),
+        (Budget(bytes=10**6), True, " within 1000000 bytes for all materials together;"),
     ],
 )
 def test_a_budget_is_named_where_it_rules_something_out(budget: Budget, shared: bool, named: str) -> None:

@@ -27,7 +27,8 @@ WORDS = {
 _EDGE = 75.0  # θ in degrees up to which albedos are stated
 _WORTH_SAYING = 0.05  # of the light at an angle: from here on it is said that it leaves where nothing was measured
 _WORTH_A_DIRECTION = 0.01  # an error from here on is said to be too dark or too bright, where that was measured
-GOOD = 0.15  # an albedo that is off by more makes a fit a bad one
+# A fit that is off by more in one of these is a bad one.
+GOOD = {"albedo": 0.15, "sky": 0.10, "lamp": 0.25}
 
 
 class BarKind(Enum):
@@ -206,6 +207,12 @@ class ErrorBars:
         """Whether the fit may be off by more than a factor of ten, though its samples could be judged."""
         return any(bar.error is None and bar.reason == TOO_WIDE for bar in self.bars)
 
+    @property
+    def wide(self) -> bool:
+        """Whether an estimated bar is wider than a good fit may be off: the bars do not show that it is good."""
+        estimated = (bar for bar in self.bars if bar.kind is not BarKind.MEASURED and bar.quantity in GOOD)
+        return any(bar.error is not None and bar.error > GOOD[bar.quantity] for bar in estimated)
+
     def sentence(self) -> str:
         """Return all bars in one sentence."""
         stated = [bar for bar in self.bars if bar.error is not None]
@@ -282,7 +289,7 @@ class ErrorBars:
 
 
 def _grade(bar: ErrorBar) -> str:
-    return "unknown" if bar.error is None else "good" if bar.error <= GOOD else "bad"
+    return "unknown" if bar.error is None else "good" if bar.error <= GOOD["albedo"] else "bad"
 
 
 def _range(run: list[ErrorBar]) -> str:

@@ -30,7 +30,7 @@ from homofact.factor.fitted import Fitted
 from homofact.methods.method import Method
 
 # What makes a fit a bad one: its albedo at some angle, its picture under a sky, or that under a small lamp.
-OFF, OFF_SKY, OFF_LAMP = GOOD, 0.10, 0.25
+OFF, OFF_SKY, OFF_LAMP = (GOOD[name] for name in ("albedo", "sky", "lamp"))
 _ANISOTROPIC = "error bars were calibrated without anisotropic measurements"
 
 

@@ -69,7 +69,7 @@ class Verdict:
         """Return whether the fit is trusted, its possible error, and the warning if there is one, in one sentence."""
         warned = f"; warning: {self.alarm.score:.0%} likely to be bad" if self.alarm.given else ""
         shown = f"; visible artefacts: {', '.join(self._artefacts)}" if self._artefacts else ""
-        return trust_in_words(self.trusted, self.bars.sentence() + shown + warned)
+        return trust_in_words(self.trusted, self.bars.sentence() + shown + warned, self.bars.wide)
 
     @property
     def cause(self) -> str:
