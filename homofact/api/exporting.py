@@ -67,6 +67,8 @@ class ExportResult:
         How the fit reflects the engine's own sky, where it does, and how far off that is.
     likeness : Likeness or None
         How near the look-alike in glTF's export comes to the fit, None for other exports.
+    verdict : dict or None
+        How far the fit itself may be off: "trusted" and "summary" of its verdict, None for a fit without one.
     """
 
     result: str
@@ -84,7 +86,7 @@ class ExportResult:
     prefiltered: "PrefilteredExport | None" = None
     light: "UnderSkies | None" = None
     likeness: "Likeness | None" = None
-    doubt: str = ""
+    verdict: Mapping[str, Any] | None = None
 
     def record(self) -> dict[str, Any]:
         """Return the JSON form."""
@@ -94,6 +96,7 @@ class ExportResult:
             "errors": self.errors,
             "cost": self.cost.record(),
             "format": self.format,
+            "verdict": None if self.verdict is None else dict(self.verdict),
         }
         for name, part in (("prefiltered", self.prefiltered), ("light", self.light), ("likeness", self.likeness)):
             if part is not None:
@@ -198,8 +201,7 @@ def export(
             steps.stage("filtering the environment")
             made = replace(made, prefiltered=prefiltered_export(made.stored, light, made.format, side))
         written = work.write(given.words, folder, made, rows, of_engine, force)
-    verdict = given.verdict
-    return written if verdict is None or verdict["trusted"] else replace(written, doubt=verdict["summary"])
+    return replace(written, verdict=given.verdict)
 
 
 def _format_of(form: str | None, quantize: str | None) -> str | None:

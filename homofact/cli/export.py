@@ -9,6 +9,7 @@ from rich.text import Text
 
 from homofact.api.exporting import SKY_SIDE, ExportResult
 from homofact.cli import options as o
+from homofact.cli.layout import hanging
 from homofact.cli.screen import Screen
 from homofact.cli.tables import appearance_tables, stored_table
 from homofact.containers.format_names import FORMAT_NAMES
@@ -112,8 +113,9 @@ def export(
 
 def _show(found: ExportResult, folder: Path, engine: str | None, screen: Screen) -> None:
     """What storing cost, what an evaluation takes, how the engine's material looks, and what to do next."""
-    cost, looks = found.cost, found.looks or {}
+    cost, looks, verdict = found.cost, found.looks or {}, found.verdict
     screen.show(
+        *([] if verdict is None or _is_doubted(found) else [hanging(f"Verdict on the fit: {verdict['summary']}", 2)]),
         stored_table(found.errors, found.part),
         Text(
             f"One evaluation: {counted(cost.fetches, 'fetch')}, {cost.total} operations ({cost.scalar} if each"
@@ -128,6 +130,11 @@ def _show(found: ExportResult, folder: Path, engine: str | None, screen: Screen)
         "",
         _next_line(folder, engine, found.files),
     )
+
+
+def _is_doubted(found: ExportResult) -> bool:
+    """Whether the fit has a verdict that does not trust it."""
+    return found.verdict is not None and not found.verdict["trusted"]
 
 
 def _next_line(folder: Path, engine: str | None, files: Sequence[str]) -> str | Text:
@@ -146,7 +153,7 @@ def _warnings(found: ExportResult) -> list[str]:
     """What to beware of."""
     why = found.caution if found.source_found else f"no error on samples: {found.caution}; --source names it"
     told = [
-        f"read the verdict before you ship: {found.doubt}" if found.doubt else "",
+        f"read the verdict before you ship: {found.verdict['summary']}" if _is_doubted(found) else "",
         "" if found.likeness is None else found.likeness.warning_of(found.prefiltered is not None),
         "" if found.light is None else found.light.warning,
     ]

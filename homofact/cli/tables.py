@@ -70,12 +70,17 @@ def _under(spread: Mapping[str, float | None]) -> str:
 
 
 def appearance_tables(records: Mapping[str, Mapping[str, Any]]) -> list[Table]:
-    """Return what an eye would say of every labelled record, means of several fits; none where no record has it."""
+    """Return what an eye would say of every labelled record, means of several fits; none where no record has it.
+
+    Records that were compared with something else than their source name it as "against".
+    """
     found = {label: record["appearance"] for label, record in records.items() if record["appearance"] is not None}
     if not found:
         return []
+    against = next((record["against"] for record in records.values() if "against" in record), None)
+    what = "Light, fit over source" if against is None else f"Light over that of {against}"
     table = plain_table(
-        "Light, fit over source (albedo: at the worst angle; highlight: directions with the brightest 1% of the light;"
+        f"{what} (albedo: at the worst angle; highlight: directions with the brightest 1% of the light;"
         " rms: relative RMS of f cosθi cosθo; floor: the smallest rms that a reciprocal fit can reach)"
     )
     add_names(table)
@@ -86,13 +91,9 @@ def appearance_tables(records: Mapping[str, Mapping[str, Any]]) -> list[Table]:
         if "spread" in records[label]:
             spread = records[label]["spread"]["appearance"]
             table.add_row("", *(Text(_under(spread[name]) if name in spread else "", "dim") for name in names))
-    return [table, *_opinion_tables(found)]
-
-
-def _opinion_tables(found: Mapping[str, Mapping[str, Any]]) -> list[Table]:
-    """The grade that people would give each fit, with its interval; none where no fit has one."""
-    table = grade_table({label: each["opinion"] for label, each in found.items() if each.get("opinion") is not None})
-    return [] if table is None else [table]
+    scores = {label: each["opinion"] for label, each in found.items() if each.get("opinion") is not None}
+    grades = grade_table(scores, "fit and source" if against is None else f"it and {against}")
+    return [table] if grades is None else [table, grades]
 
 
 def chart_grades(records: Sequence[Mapping[str, Any]]) -> list[Table]:
@@ -122,15 +123,15 @@ def identical_grade() -> str:
     return f"{best:.1f} ({{:.1f}} to {{:.1f}})".format(*law.interval(best))
 
 
-def grade_table(scores: Mapping[str, float]) -> Table | None:
-    """Expected grades by label, with their 90% intervals; None where there are none."""
+def grade_table(scores: Mapping[str, float], pair: str = "fit and source") -> Table | None:
+    """Expected grades of the pictures of a `pair` by label, with their 90% intervals; None where there are none."""
     if not scores:
         return None
     from homofact.evaluation.opinion import opinion_table
 
     law = opinion_table().law
     table = plain_table(
-        "By people (expected mean grade of 30 people who compare pictures of fit and source, 1 very poor to"
+        f"By people (expected mean grade of 30 people who compare pictures of {pair}, 1 very poor to"
         f" 5 excellent; identical pictures get {identical_grade()})"
     )
     add_names(table)

@@ -27,9 +27,12 @@ class Likeness:
     ----------
     appearance : Appearance
         All figures.
+    under_sky_alone : bool
+        Whether it stands for the fit under a sky alone, as in Godot, whose lamps show the fit itself.
     """
 
     appearance: Appearance
+    under_sky_alone: bool = False
 
     @property
     def albedo(self) -> float:
@@ -39,12 +42,14 @@ class Likeness:
     @property
     def phrase(self) -> str:
         """The likeness in a few plain words, as in the name of glTF's material."""
-        return f"look-alike only: {_picture(self.appearance.psnr_sky)} under a sky, {self._albedo_words}"
+        of = "the engine's own sky shows a look-alike" if self.under_sky_alone else "look-alike only"
+        return f"{of}: {_picture(self.appearance.psnr_sky)} under a sky, {self._albedo_words}"
 
     @property
     def poor(self) -> bool:
         """Whether a picture shows the difference: see `LEAST_PSNR` and `MOST_ALBEDO`."""
-        least = min(self.appearance.psnr_sky, self.appearance.psnr_light)
+        seen = self.appearance
+        least = seen.psnr_sky if self.under_sky_alone else min(seen.psnr_sky, seen.psnr_light)
         bounded = 1 / MOST_ALBEDO <= round(self.albedo, 2) <= MOST_ALBEDO
         return not bounded or (math.isfinite(least) and round(least) < LEAST_PSNR)
 
@@ -58,6 +63,9 @@ class Likeness:
         if not self.poor:
             return ""
         sky = f"{_picture(self.appearance.psnr_sky)} under a sky"
+        if self.under_sky_alone:
+            shown = f"{self.phrase}, so it differs visibly from the fit"
+            return f"{shown}; `prefilter='SKY'` shows the fit itself under that sky"
         shown = f"the look-alike differs visibly from the fit: {_picture(self.appearance.psnr_light)} under a lamp, "
         remedy = "`engine='three'` shows the fit itself"
         if not prefiltered:
@@ -100,7 +108,7 @@ class AddedLookAlike(Added):
     likeness: Likeness | None = None
 
 
-def likeness(look: MetallicRoughness, fitted: Fitted) -> Likeness:
+def likeness(look: MetallicRoughness, fitted: Fitted, under_sky_alone: bool = False) -> Likeness:
     """Measure a look-alike against the fit that is exported.
 
     Parameters
@@ -109,10 +117,12 @@ def likeness(look: MetallicRoughness, fitted: Fitted) -> Likeness:
         The look-alike.
     fitted : Fitted
         The fit as it is stored.
+    under_sky_alone : bool, optional
+        Whether the look-alike stands for the fit under a sky alone.
     """
     found = appearance(look, as_source(fitted, "the fit", _DRAWN))
     assert found is not None, "a fit is known at all directions"
-    return Likeness(found)
+    return Likeness(found, under_sky_alone)
 
 
 def _picture(psnr: float) -> str:

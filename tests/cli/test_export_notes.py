@@ -33,11 +33,14 @@ def test_a_fit_that_its_verdict_does_not_trust_is_exported_with_the_verdict(
     report["verdict"] |= {"trusted": trusted, "summary": "a word on it"}
     (copy / "report.json").write_text(json.dumps(report))
     assert main(["export", str(copy), "--to", str(tmp_path / "engine")]) == 0
-    assert ("read the verdict before you ship: a word on it" in capsys.readouterr().err) is not trusted
+    streams = capsys.readouterr()
+    assert ("read the verdict before you ship: a word on it" in streams.err) is not trusted
+    assert ("Verdict on the fit: a word on it" in streams.out) is trusted
     # A fit in memory has its own.
     found = homofact.export(homofact.load(copy), tmp_path / "other")
-    assert found.doubt.endswith("" if trusted else "a word on it")
-    assert bool(found.doubt) is not trusted
+    assert found.verdict is not None
+    assert (found.verdict["trusted"], found.verdict["summary"].endswith("a word on it")) == (trusted, True)
+    assert found.record()["verdict"] == found.verdict
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,8 @@
 """How near a look-alike comes: the figures, the phrase that all use, and when it is warned of."""
 
 import math
+from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -8,6 +10,7 @@ import pytest
 import torch
 from engine_cases import LOOK, isotropic
 
+import homofact
 from homofact.brdf.analytic.common import AnalyticModel
 from homofact.brdf.sampling import sample_model
 from homofact.brdf.source import Source
@@ -101,3 +104,25 @@ def test_a_channel_that_the_fit_does_not_reflect() -> None:
     assert shown.poor
     assert shown.record()["albedo_worst"] is None
     assert shown.table.count("the fit reflects none") == 6
+
+
+def test_a_look_alike_under_a_sky_alone_is_judged_by_skies() -> None:
+    def godot(albedo: float, lamp: float, sky: float) -> Likeness:
+        return replace(case(albedo, lamp, sky), under_sky_alone=True)
+
+    # Lamps show the fit itself, so that how far the look-alike is off under one is no fault.
+    assert not godot(1.0, 10.0, 50.0).poor
+    assert godot(1.0, 50.0, 20.0).poor
+    assert godot(1.5, 50.0, 50.0).poor
+    words = godot(1.0, 50.0, 20.0).warning
+    assert "20 dB under a sky" in words
+    assert "prefilter='SKY'" in words
+    assert "lamp" not in words
+
+
+def test_an_export_for_godot_says_how_near_its_sky_comes(tmp_path: Path) -> None:
+    fit = homofact.fit("material:car-paint-red", homofact.McCool(size=6))
+    found = homofact.export(fit, tmp_path / "godot", engine="godot")
+    assert found.likeness is not None
+    assert found.likeness.under_sky_alone
+    assert found.record()["likeness"]["psnr_sky"] < 60

@@ -18,6 +18,7 @@ from homofact.exporting.as_source import knows_no_azimuth
 from homofact.exporting.engines.base import Added, Engine, check_colour, edits_note, template
 from homofact.exporting.exported import Exported
 from homofact.exporting.gltf_fit import fit_metallic_roughness
+from homofact.exporting.look_alike import AddedLookAlike, likeness
 from homofact.exporting.prefiltered import PREFIX, PrefilteredExport, with_alpha
 from homofact.files.words import in_markdown
 from homofact.rendering.tonemap import encode_srgb
@@ -85,7 +86,9 @@ def _files(made: Exported) -> Added:
         f"brdf{GLSL.suffix}.import": KEPT,
         **{f"{name}.import": TEXTURE for name in made.names},
     }
-    return Added(files, {} if light is not None else {"environment": look})
+    if light is not None:
+        return Added(files)
+    return AddedLookAlike(files, {"environment": look}, likeness=likeness(look, made.stored, under_sky_alone=True))
 
 
 def _readme(made: Exported) -> str:
