@@ -151,9 +151,10 @@ def _next_line(folder: Path, engine: str | None, files: Sequence[str]) -> str | 
 
 def _warnings(found: ExportResult) -> list[str]:
     """What to beware of."""
+    verdict = found.verdict
     why = found.caution if found.source_found else f"no error on samples: {found.caution}; --source names it"
     told = [
-        f"read the verdict before you ship: {found.verdict['summary']}" if _is_doubted(found) else "",
+        f"read the verdict before you ship: {verdict['summary']}" if verdict and _is_doubted(found) else "",
         "" if found.likeness is None else found.likeness.warning_of(found.prefiltered is not None),
         "" if found.light is None else found.light.warning,
     ]

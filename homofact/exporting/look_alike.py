@@ -28,7 +28,7 @@ class Likeness:
     appearance : Appearance
         All figures.
     under_sky_alone : bool
-        Whether it stands for the fit under a sky alone, as in Godot, whose lamps show the fit itself.
+        Whether it is seen under a sky alone, as in Godot, whose lamps show the fit itself.
     """
 
     appearance: Appearance
@@ -118,7 +118,7 @@ def likeness(look: MetallicRoughness, fitted: Fitted, under_sky_alone: bool = Fa
     fitted : Fitted
         The fit as it is stored.
     under_sky_alone : bool, optional
-        Whether the look-alike stands for the fit under a sky alone.
+        Whether the look-alike is seen under a sky alone, and lamps show the fit itself.
     """
     found = appearance(look, as_source(fitted, "the fit", _DRAWN))
     assert found is not None, "a fit is known at all directions"
