@@ -205,7 +205,7 @@ def test_one_that_is_gone_is_one_line(here: Path) -> None:
     fitted = saved(fitted_row("data/paint.brdf"))
     os.remove("data/paint.brdf")
     words = "its source, paint.brdf, is neither where it was nor in the working folder nor beside the result"
-    with pytest.raises(NotReopened, match=f"^{words}$"):
+    with pytest.raises(NotReopened, match=f"^{words} \\(an export keeps"):
         reopen(fitted)
     with pytest.raises(BadInput, match=r"data/paint\.brdf: no such file"):
         reopen(fitted, "data/paint.brdf")

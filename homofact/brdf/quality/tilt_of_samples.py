@@ -10,7 +10,7 @@ The process has the covariance K = s² k(r) + V B Bᵀ + diag(σ²/w). k is Mat�
 r in (log(θh + a little), θd, φd √θh sinθd), each in units of its own length. B has smooth functions of θd and of the
 cosines, and of θi less θo, so that neither a cosine too many nor a gain over the angle looks like a tilt. w makes dark
 values noisy. With α = K⁻¹ y and d = diag K⁻¹, the others predict sample n as y_n − α_n / d_n with the variance 1/d_n
-(Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006, equations 5.10 to 5.12). The score is the
+(Rasmussen and Williams 2006, equations 5.10 to 5.12). The score is the
 negative logarithm of its density, with Cauchy's tail for outliers. s, the lengths and σ have the largest likelihood at
 the δ that standard ones find, and are held from there on.
 

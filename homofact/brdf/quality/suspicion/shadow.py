@@ -103,7 +103,7 @@ def censored_median(columns: np.ndarray, target: np.ndarray, weight: np.ndarray,
 
     References
     ----------
-    J. L. Powell, Least absolute deviations estimation for the censored regression model, J. Econometrics 25 (1984).
+    Powell 1984: least absolute deviations for the censored regression model.
     """
     size = np.sqrt((weight[:, None] * columns**2).sum(0) / weight.sum()) + 1e-12
     scaled, now = columns / size, weight
