@@ -219,7 +219,8 @@ class FitSection:
 
     def method_alone(self) -> "Method":
         """Return the method with all of the settings. Raises BadInput for one that gives no textures too."""
-        if self.method in MODELS_BY_NAME:
+        # "ggx:2" is a model as well as "ggx".
+        if self.method.partition(":")[0] in MODELS_BY_NAME:
             expected = f"one of {', '.join(METHODS)}; models without textures are for homofact compare"
             raise BadInput(where=self.places.get("method", "method"), found=repr(self.method), expected=expected)
         return self._placed(lambda: made(self.method, self.settings))

@@ -29,6 +29,7 @@ EXPLICIT = {"default_rng", "Generator", "SeedSequence", "PCG64", "Random"}
 MOST_LINES, MOST_ARGUMENTS = 90, 8
 LONG = {
     "editing/overlap.py: _transport",
+    "relighting/lobe_kernels.py: sum_lobe",
 }
 # Compiled kernels take arrays one by one.
 WIDE = {
@@ -181,13 +182,11 @@ def test_imports_go_down_only(path: Path) -> None:
     assert upward(path.read_text(encoding="utf-8"), path) == []
 
 
-@pytest.mark.slow
 def test_no_modules_import_each_other() -> None:
     sources = {module_name(path): path.read_text(encoding="utf-8") for path in MODULES}
     assert circles(module_imports(sources)) == []
 
 
-@pytest.mark.slow
 def test_the_library_does_not_print_and_has_no_global_randomness() -> None:
     found = {
         str(path.relative_to(PACKAGE)): calls
@@ -197,7 +196,6 @@ def test_the_library_does_not_print_and_has_no_global_randomness() -> None:
     assert found == {}
 
 
-@pytest.mark.slow
 def test_only_the_command_line_speaks_of_its_options() -> None:
     """The library advises settings (`errors.Advice`), which the command line shows as options (`cli.flags`)."""
     found = {
@@ -208,7 +206,6 @@ def test_only_the_command_line_speaks_of_its_options() -> None:
     assert found == {}
 
 
-@pytest.mark.slow
 def test_everything_public_says_what_it_is() -> None:
     missing = []
     for path in MODULES:
@@ -230,7 +227,6 @@ def test_everything_public_says_what_it_is() -> None:
     assert missing == []
 
 
-@pytest.mark.slow
 def test_every_public_class_has_a_name_of_its_own() -> None:
     places: dict[str, list[str]] = {}
     for path in MODULES:
@@ -240,7 +236,6 @@ def test_every_public_class_has_a_name_of_its_own() -> None:
     assert {name: modules for name, modules in places.items() if len(modules) > 1} == {}
 
 
-@pytest.mark.slow
 def test_functions_are_short_and_take_few_arguments() -> None:
     functions = [
         (f"{path.relative_to(PACKAGE)}: {node.name}", node)

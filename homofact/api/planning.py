@@ -52,7 +52,9 @@ class PlanResult:
     @property
     def warnings(self) -> Sequence[str]:
         """Tolerances that no choice meets, in sentences."""
-        return self.plan.warnings
+        from homofact.planning.missed import missed_by_all
+
+        return missed_by_all(self.plan)
 
     @property
     def missed(self) -> tuple[str, ...]:
@@ -203,6 +205,7 @@ def plan(
     from homofact.planning.clock import PlanClock
     from homofact.planning.export import check_plan_folder, write_plan
     from homofact.planning.ladder import FitOptions
+    from homofact.planning.missed import missed_by_all
     from homofact.planning.neighbours import with_larger_measured
     from homofact.planning.plan import plan_scene
     from homofact.planning.scene import read_scene
@@ -230,7 +233,7 @@ def plan(
             clock.following = 0
             other = plan_scene(replace(asked, lightings=(other_lighting,)), options, fits, clock)
         verdicts = _verdicts(found, steps)
-        missed = refusal.strict and bool(found.warnings)
+        missed = missed_by_all(found) if refusal.strict else ()
         refused = None if missed else refusal.first(verdicts)
         if refused is not None:
             raise PlanRefused(refused, PlanResult(found, verdicts, other, None, None))
@@ -240,7 +243,7 @@ def plan(
         folders = None if folder is None else write_plan(folder, found, force)
     result = PlanResult(found, verdicts, other, folders, figure)
     if missed:
-        raise PlanRefused(BadInput(found.warnings[0]), result)
+        raise PlanRefused(BadInput(missed[0]), result)
     return result
 
 

@@ -83,7 +83,7 @@ def step_table(found: "ScenePlan") -> Table | None:
         for step, one in steps:
             if one is None:
                 if step == "larger" and each.outcome is not None and each.outcome.error > 0:
-                    table.add_row(name, step, *_no_better(best_larger(each)))
+                    table.add_row(name, step, *_no_better(best_larger(each), each.outcome.error))
                 continue
             words = one.candidate.words
             if one == enough:
@@ -100,15 +100,15 @@ def _used(one: "Neighbour") -> str:
     return part_of_limit(one.error) if one.measured else f"about {part_of_limit(one.error)}"
 
 
-def _no_better(best: "Neighbour | None") -> tuple[str, str, str]:
-    """Representation, bytes and error of a larger step that gains nothing: the best of what was tried or expected."""
+def _no_better(best: "Neighbour | None", error: float) -> tuple[str, str, str]:
+    """Representation, bytes and error of a larger step that gains nothing: the best of what was tried or expected.
+
+    `error` is that of the choice.
+    """
     if best is None:
         return "no larger candidate", "–", "–"
-    why = (
-        "found none that errs less; best of those tried"
-        if best.measured
-        else "not tried, expected to err no less; best"
-    )
+    gains = "gain little" if best.error < error else "err no less"
+    why = "found none that errs less; best of those tried" if best.measured else f"not tried, expected to {gains}; best"
     return f"{why}: {best.candidate.words}", str(best.bytes), _used(best)
 
 

@@ -241,6 +241,7 @@ class _Drawn:
 
     @cached_property
     def test(self) -> Samples:
+        """The samples that errors are measured on, at random azimuths."""
         held = self.parts[1]
         return (self.samples if held is None else held).rotated_at_random(self.split.seed)
 

@@ -14,8 +14,9 @@ from homofact.exporting.as_source import as_source
 from homofact.exporting.engines.base import Added
 from homofact.factor.fitted import Fitted
 
-# Worse than these is warned of: PSNR in dB, and by how much a directional albedo is too large or too small.
-LEAST_PSNR, MOST_ALBEDO = 35, 1.2
+# Worse than these is warned of: PSNR in dB, and by how much a directional albedo and the light of the brightest 1% of
+# the directions are too large or too small.
+LEAST_PSNR, MOST_ALBEDO, MOST_HIGHLIGHT = 35, 1.2, 1.5
 _DRAWN = 100  # samples that a source needs and nobody here reads
 
 
@@ -40,18 +41,24 @@ class Likeness:
         return self.appearance.energy.albedo_worst
 
     @property
+    def highlight(self) -> float:
+        """Light of the brightest 1% of the directions over the fit's."""
+        return self.appearance.energy.highlight
+
+    @property
     def phrase(self) -> str:
         """The likeness in a few plain words, as in the name of glTF's material."""
         of = "the engine's own sky shows a look-alike" if self.under_sky_alone else "look-alike only"
-        return f"{of}: {_picture(self.appearance.psnr_sky)} under a sky, {self._albedo_words}"
+        highlight = f", highlight {_times(self.highlight)} times" if self._off_highlight else ""
+        return f"{of}: {_picture(self.appearance.psnr_sky)} under a sky, {self._albedo_words}{highlight}"
 
     @property
     def poor(self) -> bool:
-        """Whether a picture shows the difference: see `LEAST_PSNR` and `MOST_ALBEDO`."""
+        """Whether a picture shows the difference: see `LEAST_PSNR`, `MOST_ALBEDO` and `MOST_HIGHLIGHT`."""
         seen = self.appearance
         least = seen.psnr_sky if self.under_sky_alone else min(seen.psnr_sky, seen.psnr_light)
         bounded = 1 / MOST_ALBEDO <= round(self.albedo, 2) <= MOST_ALBEDO
-        return not bounded or (math.isfinite(least) and round(least) < LEAST_PSNR)
+        return not bounded or self._off_highlight or (math.isfinite(least) and round(least) < LEAST_PSNR)
 
     @property
     def warning(self) -> str:
@@ -70,7 +77,8 @@ class Likeness:
         remedy = "`engine='three'` shows the fit itself"
         if not prefiltered:
             remedy += ", and `prefilter='SKY'` writes it for shaders of your own"
-        return f"{shown}{sky}, {self._albedo_words}; {remedy}"
+        highlight = f", highlight {_times(self.highlight)} times" if self._off_highlight else ""
+        return f"{shown}{sky}, {self._albedo_words}{highlight}; {remedy}"
 
     @property
     def table(self) -> str:
@@ -91,8 +99,13 @@ class Likeness:
 
     def record(self) -> dict[str, Any]:
         """A JSON-able dictionary."""
-        figures = {name: self.appearance.figures[name] for name in ("albedo_worst", "psnr_light", "psnr_sky")}
+        names = ("albedo_worst", "highlight", "psnr_light", "psnr_sky")
+        figures = {name: self.appearance.figures[name] for name in names}
         return figures | {"said": self.phrase, "warning": self.warning}
+
+    @property
+    def _off_highlight(self) -> bool:
+        return not 1 / MOST_HIGHLIGHT <= round(self.highlight, 2) <= MOST_HIGHLIGHT
 
     @property
     def _albedo_words(self) -> str:

@@ -2,7 +2,10 @@
 
 Rounding every texel by itself (`rounded`) throws away what the others could make good. With y the minimum of the inner
 problem, other texels q give logarithms that are off by B(q − y). What counts is how far they are off at the samples and
-wherever else a renderer may ask: half of the weight is on the samples, half on `PAIRS` cosine-weighted pairs U.
+wherever else a renderer may ask: half of the weight is on the samples, half on `PAIRS` pairs U. Half of these are
+cosine-weighted; the others are drawn by the scheme lobe, many of them in highlights. (Of cosine-weighted pairs alone
+hardly any is at the tip of a narrow highlight, and where no sample is either, its texel was drawn in: the held-out
+Cole error of a lacquer rose to 2.7 times that of the fit, and with rounded texels to 1.1 times.)
 Smoothing is there to choose y; the small steps of whole numbers are rough whatever one does, so it counts by
 `SMOOTHNESS` only:
 
@@ -31,6 +34,7 @@ import scipy.linalg
 import torch
 from torch import Tensor
 
+from homofact.brdf.pair_density import draw_lobe
 from homofact.brdf.samples import Samples
 from homofact.errors import BadInput
 from homofact.factor.energy import Flux
@@ -162,9 +166,10 @@ def quantized_terms(
 
 
 def _everywhere(problem: LeastSquares, projections: tuple[Projection, ...]) -> Tensor:
-    """UᵀU (T, T) of `PAIRS` cosine-weighted pairs of directions, all texels."""
-    drawn = draw_cosine_weighted(PAIRS, torch.Generator().manual_seed(0))
-    wi, wo = (w.to(problem.weights.device) for w in drawn)
+    """UᵀU (T, T) of `PAIRS` pairs of directions, half of them cosine-weighted, half by the scheme lobe; all texels."""
+    generator = torch.Generator().manual_seed(0)
+    drawn = (draw_cosine_weighted(PAIRS // 2, generator), draw_lobe(PAIRS - PAIRS // 2, generator))
+    wi, wo = (torch.cat(parts).to(problem.weights.device) for parts in zip(*drawn, strict=True))
     coordinates = torch.cat([projection.prepare(wi, wo) for projection in projections], 1)
     nothing, ones = torch.zeros_like(wi[:, :1]), torch.ones_like(wi[:, 0])
     return accumulate(coordinates, problem.lookups, nothing, ones, problem.kept.shape[0]).matrix

@@ -2,12 +2,16 @@
 
 A source that interpolates scattered samples is drawn everywhere, though a goniometer does not reach everywhere
 (`brdf.quality.extrapolation`). A pixel is marked where more than half of the light that falls on it comes from
-directions that were not measured together with the view; under a point light that is all of it or nothing.
+directions that were not measured together with the view; under a point light that is all of it or nothing. Marks that
+are narrower than `NARROWEST` pixels are left out: a single one, as at the mirror direction between two angles of the
+light, looks like a defect of the highlight.
 """
 
 from collections.abc import Sequence
 
+import numpy as np
 import torch
+from scipy.ndimage import binary_opening
 from torch import Tensor
 
 from homofact.brdf.quality.extrapolation import Extrapolation
@@ -20,6 +24,7 @@ from homofact.rendering.lobe_patches import DRAFT
 from homofact.rendering.sphere import render_sphere
 
 LEAST = 0.5
+NARROWEST = 3
 
 
 class _Part:
@@ -54,6 +59,9 @@ def beyond_the_measurement(
             known, whole = (material.under(light).radiance[..., 0] for material in asked)
         else:
             known, whole = (render_sphere(part, light, size).radiance[..., 0] for part in parts)
-        # What is left of the light by rounding is no light.
-        marks.append((whole > 1e-6 * whole.max()) & (known < LEAST * whole))
+        # What is left of the light by rounding is no light, and what is not lit makes no mark wider or narrower.
+        lit = whole > 1e-6 * whole.max()
+        marked = (known < LEAST * whole) | ~lit
+        wide = binary_opening(marked.cpu().numpy(), np.ones((NARROWEST, NARROWEST)))
+        marks.append(torch.from_numpy(wide).to(lit.device) & lit)
     return marks

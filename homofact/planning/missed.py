@@ -1,18 +1,20 @@
 """What a plan says of a material that misses its tolerance: each limit, the value reached, and the budget."""
 
-from typing import TYPE_CHECKING
-
 from homofact.brdf.scattered import made_of_samples
 from homofact.evaluation.wording import counted, listed
 from homofact.planning.material_fits import rungs_for
+from homofact.planning.plan import MaterialPlan, ScenePlan
 from homofact.planning.scene import Budget
 from homofact.planning.tolerance import MARGINS, UNLIT, Used
 
-if TYPE_CHECKING:
-    from homofact.planning.plan import MaterialPlan
+
+def missed_by_all(found: ScenePlan) -> tuple[str, ...]:
+    """Return what a plan's materials miss: a sentence for each that misses a limit, which begins with its name."""
+    lines = (missed_words(plan, found.scene.budget, found.allocated) for plan in found.distinct)
+    return tuple(line for line in lines if line)
 
 
-def missed_limits(plan: "MaterialPlan") -> tuple[tuple[Used, str], ...]:
+def missed_limits(plan: MaterialPlan) -> tuple[tuple[Used, str], ...]:
     """Return each limit that the choice misses, and the lighting where it misses it most, "" where none matters."""
     by_lighting = [plan.tolerance.uses(errors) for errors in plan.errors]
     found = []
@@ -23,7 +25,7 @@ def missed_limits(plan: "MaterialPlan") -> tuple[tuple[Used, str], ...]:
     return tuple(found)
 
 
-def bound_by(plan: "MaterialPlan", budget: Budget, shared: bool = False) -> str:
+def bound_by(plan: MaterialPlan, budget: Budget, shared: bool = False) -> str:
     """Name the limits of a budget that rule out some representation, such as " within 50 bytes"; "" for none.
 
     `shared` tells whether the bytes were distributed over the materials, which rules out more.
@@ -40,7 +42,7 @@ def bound_by(plan: "MaterialPlan", budget: Budget, shared: bool = False) -> str:
     return f" within {listed(named)}" if named else ""
 
 
-def missed_words(plan: "MaterialPlan", budget: Budget, shared: bool = False) -> str:
+def missed_words(plan: MaterialPlan, budget: Budget, shared: bool = False) -> str:
     """Return every limit that the choice misses, with what it reaches; "" where it meets all.
 
     `shared` as `bound_by` has it.

@@ -21,7 +21,6 @@ from homofact.planning.clock import PlanClock
 from homofact.planning.ladder import CONSTANT, LAMBERT, Candidate, FitOptions, fits_among
 from homofact.planning.material_fits import MaterialFits, rungs_for
 from homofact.planning.measure import RepresentationEvaluator, best_colour
-from homofact.planning.missed import missed_words
 from homofact.planning.scene import NO_BUDGET, Budget, Scene, SceneMaterial
 from homofact.planning.search import UNTRUSTED, LadderOutcome, Walk, walk
 from homofact.planning.stage import Stage
@@ -170,12 +169,6 @@ class ScenePlan:
         """Of the picture, by the shares, in units of the tolerance; infinite where a material has no representation."""
         errors = (math.inf if plan.outcome is None else plan.outcome.error for plan in self.materials)
         return sum(plan.material.share * error for plan, error in zip(self.materials, errors, strict=True))
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """What was not met: one sentence per material, which begins with its name."""
-        lines = (missed_words(plan, self.scene.budget, self.allocated) for plan in self.distinct)
-        return tuple(line for line in lines if line)
 
 
 def outcome_of(

@@ -5,6 +5,7 @@ from dataclasses import asdict
 from typing import Any
 
 from homofact.planning.ladder import Candidate
+from homofact.planning.missed import missed_by_all
 from homofact.planning.neighbours import best_larger, larger, smaller
 from homofact.planning.plan import MaterialPlan, ScenePlan
 from homofact.planning.search import LadderOutcome
@@ -41,7 +42,7 @@ def plan_record(plan: ScenePlan) -> dict[str, Any]:
         "fits": plan.planning_fits,
         "fits_with_one_size": plan.fits,
         "exhaustive_fits": plan.exhaustive_fits,
-        "warnings": list(plan.warnings),
+        "warnings": list(missed_by_all(plan)),
     }
 
 

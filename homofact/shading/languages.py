@@ -23,7 +23,7 @@ class Language:
 
     `widen` says that a function of a vector and a scalar wants both as vectors (WGSL). `layered` is the fetch of a
     texture array, `cube` that of a cube map at a level, `table` how a table of vectors of a layer's constants is
-    declared.
+    declared, `sampler` the name of the sampler of a prefix, where textures have none of their own.
     """
 
     name: str
@@ -38,6 +38,7 @@ class Language:
     swizzles: tuple[str, str, str, str]
     widen: bool
     frame: Callable[[Program, str, str], str]
+    sampler: str = "{prefix}_sampler"
 
 
 def number(value: float) -> str:
@@ -93,11 +94,11 @@ def render(expression: Expression, language: Language, prefix: str, layered: boo
         uv = render(operands[0], language, prefix, layered)
         texture = f"{prefix}_texture_{expression.text}"
         way = language.layered if layered else language.fetch
-        read = way.format(texture=texture, sampler=f"{prefix}_sampler", uv=uv)
+        read = way.format(texture=texture, sampler=language.sampler.format(prefix=prefix), uv=uv)
         return read + language.swizzles[expression.dimension - 1]
     if kind == "cube":
         direction, level = (render(operand, language, prefix, layered) for operand in operands)
-        texture, sampler = f"{prefix}_texture_{expression.text}", f"{prefix}_sampler"
+        texture, sampler = f"{prefix}_texture_{expression.text}", language.sampler.format(prefix=prefix)
         asked = {"texture": texture, "sampler": sampler, "direction": direction, "level": level}
         read = language.cube.format(**asked, prefix=prefix, number=expression.text)
         return read + language.swizzles[expression.dimension - 1]
@@ -184,7 +185,8 @@ def _hlsl(program: Program, body: str, prefix: str) -> str:
     )
     # A second program in a shader has its own.
     slot = min(program.first, 1)
-    sampler = f"SamplerState {prefix}_sampler : register(s{slot});  // MIN_MAG_MIP_LINEAR, CLAMP\n"
+    name = HLSL.sampler.format(prefix=prefix)
+    sampler = f"SamplerState {name} : register(s{slot});  // MIN_MAG_MIP_LINEAR, CLAMP\n"
     given = ", ".join(f"float3 {name}" for name in program.parameters) + ", int layer" * layered
     return f"{textures}{sampler}\n{kind} {prefix}_{program.function}({given})\n{{\n{body}\n}}\n"
 
@@ -258,6 +260,8 @@ HLSL = Language(
     (".r", ".rg", ".rgb", ""),
     False,
     _hlsl,
+    # Unity reads a sampler's filter and wrapping from its name, and refuses one that has none.
+    "{prefix}_trilinear_clamp_sampler",
 )
 WGSL = Language(
     "WGSL",

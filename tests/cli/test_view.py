@@ -111,7 +111,7 @@ def test_a_file_is_found_beside_the_result_or_in_the_working_folder(
     assert ran.err.startswith(f"homofact: the page shows the fit alone: {words} (an export keeps")
     assert ran.err.endswith("; --source names it\n")
     shown = data_of(folder / "view.html")
-    assert shown["notes"][0] .startswith(f"The fit alone: {words}")
+    assert shown["notes"][0].startswith(f"The fit alone: {words}")
     report = json.loads((folder / "report.json").read_text())
     # What was measured when it was fitted is still said.
     assert numbers(folder / "view.html")["fit"]["Log MSE, held out"] == f"{report['error']['held_out']['log_mse']:.3g}"

@@ -102,7 +102,7 @@ def test_a_sentence_names_the_angles_whose_bars_rest_on_extrapolation() -> None:
         "at 15° and 60° incidence 10% and 22% of the light leaves in directions without measurements, more than the"
         " limits there, 3% and 6%"
     )
-    assert ErrorBars((), by_angle[:2]).extrapolated_sentence().endswith("more than its limit, 3%")
+    assert ErrorBars((), by_angle[:2]).extrapolated_sentence().endswith("the limit of 3% there")
     assert made.extrapolated_sentence() == ""
 
 

@@ -19,9 +19,10 @@ from homofact.exporting.as_source import as_source
 from homofact.exporting.look_alike import Likeness, likeness
 
 
-def case(albedo: float = 1.0, lamp: float = 50.0, sky: float = 50.0) -> Likeness:
+def case(albedo: float = 1.0, lamp: float = 50.0, sky: float = 50.0, highlight: float = 1.0) -> Likeness:
     """A likeness of these figures."""
-    made: Any = SimpleNamespace(energy=SimpleNamespace(albedo_worst=albedo), psnr_light=lamp, psnr_sky=sky)
+    energy = SimpleNamespace(albedo_worst=albedo, highlight=highlight)
+    made: Any = SimpleNamespace(energy=energy, psnr_light=lamp, psnr_sky=sky)
     return Likeness(made)
 
 
@@ -32,6 +33,10 @@ def case(albedo: float = 1.0, lamp: float = 50.0, sky: float = 50.0) -> Likeness
         (case(0.783, 28.0, 33.5), "look-alike only: 34 dB under a sky, albedo down to 0.78 times"),
         (case(1.0, sky=math.inf), "look-alike only: no difference under a sky, albedo up to 1.00 times"),
         (case(math.inf), "look-alike only: 50 dB under a sky, light where the fit reflects none"),
+        (
+            case(0.94, sky=39, highlight=0.37),
+            "look-alike only: 39 dB under a sky, albedo down to 0.94 times, highlight 0.37 times",
+        ),
     ],
 )
 def test_the_phrase(found: Likeness, phrase: str) -> None:
@@ -50,6 +55,9 @@ def test_the_phrase(found: Likeness, phrase: str) -> None:
         (case(lamp=34.4), True),
         (case(math.inf), True),
         (case(lamp=math.inf, sky=math.inf), False),
+        (case(highlight=0.68), False),
+        (case(highlight=0.66), True),
+        (case(highlight=1.51), True),
     ],
 )
 def test_it_is_warned_of_what_a_picture_shows(found: Likeness, poor: bool) -> None:
@@ -100,7 +108,7 @@ def test_a_channel_that_the_fit_does_not_reflect() -> None:
     found = appearance(LOOK, source)
     assert found is not None
     shown = Likeness(found)
-    assert shown.phrase.endswith("light where the fit reflects none")
+    assert "light where the fit reflects none" in shown.phrase
     assert shown.poor
     assert shown.record()["albedo_worst"] is None
     assert shown.table.count("the fit reflects none") == 6

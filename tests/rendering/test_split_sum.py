@@ -231,7 +231,7 @@ def test_glsl_and_hlsl_compile(data: Prefiltered, tmp_path: Path) -> None:
     glslang("#version 300 es\nprecision highp float;\n" + shader(program, GLSL, "sky") + main, tmp_path, "frag")
     text = shader(program, HLSL, "sky")
     assert "TextureCube<float4> sky_texture_1 : register(t4);" in text
-    assert "sky_sampler : register(s1);" in text
+    assert "sky_trilinear_clamp_sampler : register(s1);" in text
     main = f"float4 main(float3 n : A, float3 wo : B) : SV_Target\n{{\n    return float4({value}, 1.0);\n}}\n"
     glslang(text + main, tmp_path, "frag", "-D", "-V", "-e", "main")
     assert "@binding(6) var sky_sampler: sampler;  // linear, also between levels" in shader(program, WGSL, "sky")

@@ -110,7 +110,7 @@ def test_hlsl_compiles_in_both_stages(name: str, stage: str, tmp_path: Path) -> 
     text = shader(printed, HLSL, "fit")
     # Which registers textures and samplers may have, glslang does not ask.
     assert re.findall(r"fit_texture_(\d+) : register\(t(\d+)\)", text) == [(f"{k}",) * 2 for k in range(len(textures))]
-    assert "SamplerState fit_sampler : register(s0)" in text
+    assert "SamplerState fit_trilinear_clamp_sampler : register(s0)" in text
     value = f"float4{WIDENED[len(fitted.channels)]}".replace("value", "fit_evaluate(wi, wo)")
     semantic = "SV_Position" if stage == "vert" else "SV_Target"
     main = f"float4 main(float3 wi : TEXCOORD0, float3 wo : TEXCOORD1) : {semantic}\n{{\n    return {value};\n}}\n"

@@ -194,7 +194,14 @@ def test_nothing_is_computed_that_is_not_read() -> None:
     ("language", "marks"),
     [
         (GLSL, ("uniform highp sampler2D fit_texture_0;", "vec3 fit_evaluate(vec3 wi, vec3 wo)", "textureLod(")),
-        (HLSL, ("Texture2D<float4> fit_texture_0", "SamplerState fit_sampler", ".SampleLevel(fit_sampler, ")),
+        (
+            HLSL,
+            (
+                "Texture2D<float4> fit_texture_0",
+                "SamplerState fit_trilinear_clamp_sampler",
+                ".SampleLevel(fit_trilinear_clamp_sampler, ",
+            ),
+        ),
         (
             WGSL,
             ("var fit_texture_0: texture_2d<f32>", "-> vec3<f32>", "textureSampleLevel(fit_texture_0, fit_sampler,"),

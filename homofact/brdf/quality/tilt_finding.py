@@ -115,7 +115,7 @@ def doubted(angle: TiltAngle, law: str) -> TiltAngle:
     elif abs(angle.degrees) > SEARCHED - COARSE:
         reason = f"no angle within {SEARCHED:g}° makes the values {law} (error {angle.misfit:.1%})"
     elif abs(angle.degrees) < LEAST:
-        reason = f"the angle is below {LEAST:g}° ({span})"
+        reason = f"{angle.degrees:+.3f}° is too small to matter ({span})"
     elif law != "mirrored" and angle.near_plane / angle.degrees < LEAST_NEAR_PLANE:
         reason = (
             f"pairs near the plane of incidence want {angle.near_plane:+.3f}° and all pairs {angle.degrees:+.3f}°,"

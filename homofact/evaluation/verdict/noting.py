@@ -30,6 +30,7 @@ _WORTH_NAMING = 0.01  # a source's own floor, relative RMS
 _WORTH_PLACING = 0.02  # of the held-out light
 _SPREAD_OF_AZIMUTHS = 0.2
 _SEEN_BY_LIGHT = ("zeros", "ring", "clipped")  # findings of their own
+_MISPLACED_BY_A_BAD_FIT = 0.2  # of the held-out light: from here on the fit itself leaves rings too dark or too bright
 
 
 @dataclass(frozen=True)
@@ -124,6 +125,11 @@ def _set(name: str, value: bool | float | str) -> Callable[[Noted, float], Advic
 
 def _off(ratio: float | None) -> float | None:
     return None if ratio is None else abs(ratio - 1) if not math.isnan(ratio) else math.inf
+
+
+def _shows_rings(noted: Noted) -> bool:
+    """Whether a ring stands out under a fit that is otherwise near enough to its samples to show one."""
+    return bool(noted.figures.data.ring_where) and noted.figures.errors.misplaced < _MISPLACED_BY_A_BAD_FIT
 
 
 def _narrow(noted: Noted) -> float | None:
@@ -249,7 +255,7 @@ _NOTES = (
     _Note("repeated", _D, lambda n: n.figures.data.repeated, 0.05,
           "samples of the same directions differ by {value:.0%} of the light, expected at most {most:.0%}",
           "merge repeated measurements, or find out which is right", feature="repeated"),
-    _Note("ring", _D, lambda n: _off(n.figures.data.ring) if n.figures.data.ring_where else None, 0.1,
+    _Note("ring", _D, lambda n: _off(n.figures.data.ring) if _shows_rings(n) else None, 0.1,
           "the samples at {noted.figures.data.ring_where} hold {noted.figures.data.ring:.3g} of the light that those"
           " beside them lead to expect, expected 1 within {most:.0%}",
           "a ring that was measured with another gain, or in a shadow: leave it out, or correct it",

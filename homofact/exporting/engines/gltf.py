@@ -16,7 +16,7 @@ from homofact.exporting.as_source import knows_no_azimuth
 from homofact.exporting.engines.base import Added, Engine, check_colour, edits_note, template
 from homofact.exporting.exported import Exported
 from homofact.exporting.gltf_fit import fit_metallic_roughness
-from homofact.exporting.look_alike import LEAST_PSNR, MOST_ALBEDO, AddedLookAlike, Likeness, likeness
+from homofact.exporting.look_alike import LEAST_PSNR, MOST_ALBEDO, MOST_HIGHLIGHT, AddedLookAlike, Likeness, likeness
 from homofact.files.words import in_markdown
 from homofact.meshes.shapes import sphere
 from homofact.shading.program import name_of
@@ -24,7 +24,8 @@ from homofact.version import __version__
 
 NAME, README = "lookalike.glb", "README.md"
 GOOD = (
-    f"Both figures are good enough to pass without a warning: at least {LEAST_PSNR} dB, and within {MOST_ALBEDO} times."
+    f"These figures are good enough to pass without a warning: at least {LEAST_PSNR} dB, the albedo within"
+    f" {MOST_ALBEDO} times and the highlight within {MOST_HIGHLIGHT} times."
 )
 POOR = """Expect visible differences: homofact found no material of this kind that comes nearer to this fit. That is
 usual for metallic paints, brushed metals, mirrors and retroreflectors."""
@@ -55,6 +56,7 @@ def readme(look: MetallicRoughness, name: str, found: Likeness, edits: str = "")
         * bool(extensions)
         or "none",
         PICTURES=found.pictures,
+        HIGHLIGHT=f"{found.highlight:.2f}",
         TABLE=found.table,
         VERDICT=POOR if found.poor else GOOD,
         VERSION=__version__,
