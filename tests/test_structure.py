@@ -39,6 +39,7 @@ WIDE = {
     "relighting/plan.py: plan_object",
     "relighting/reference.py: vertex_radiance",
     "rendering/filtered.py: _gathered",
+    "rendering/lobe_search.py: _moved",
     "shading/vector_code.py: function",
 }
 

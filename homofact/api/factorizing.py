@@ -214,10 +214,14 @@ def draw_fits(
 ) -> None:
     """Draw a source beside fits of it by label, with the lines and error bars of their `records` below."""
     from homofact.brdf.channels import display_of
+    from homofact.brdf.source_names import AUTOMATIC, NOTHING
     from homofact.figures.compare_picture import FitPanel, compare_picture
 
     panels = [
         FitPanel(label, row.factorization, caption(records[label]), None if row.verdict is None else row.verdict.bars)
         for label, row in rows.items()
     ]
-    compare_picture(picture, (subject.name, subject.reflectance), panels, to_rgb=display_of(subject.samples.channels))
+    asked = () if subject.opening is None else subject.opening.calibrate
+    undone = [name for name in asked if name not in (AUTOMATIC, NOTHING)]
+    title = subject.name + (f", {' and '.join(undone)} undone" if undone else "")
+    compare_picture(picture, (title, subject.reflectance), panels, to_rgb=display_of(subject.samples.channels))

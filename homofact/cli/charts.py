@@ -43,6 +43,7 @@ def draw_charts(
     methods = charted_methods(settings, screen)
 
     from homofact.api.charting import chart
+    from homofact.evaluation.chart_points import best_lower_on
 
     with screen.progress() as progress:
         found = chart(
@@ -57,8 +58,9 @@ def draw_charts(
     if not quiet:
         for one in found.charts:
             title = f"{one.source}: held-out Cole error, ε = {one.rows[0].epsilon:g}"
-            records = [point.record() for point in one.points()]
-            screen.show(chart_table(title, records, one.reference()), *chart_grades(records))
+            points = one.points()
+            records, wins = [point.record() for point in points], best_lower_on(points)
+            screen.show(chart_table(title, records, one.reference(), wins), *chart_grades(records))
         screen.show(*map(str, found.files))
     screen.answer(found.record())
 

@@ -266,10 +266,13 @@ def mean_table(rows: "Sequence[MeanRow]") -> Table:
     return table
 
 
-def chart_table(title: str, records: Sequence[Mapping[str, Any]], base: float | None) -> Table:
+def chart_table(
+    title: str, records: Sequence[Mapping[str, Any]], base: float | None, wins: Sequence[int | None]
+) -> Table:
     """Return one line a point: its held-out Cole error, that as a share of `base` (McCool's), its cost, how it ended.
 
-    The last is left out where all are converged or direct. A record of several fits has its means and the standard
+    `wins` are on how many splits the best point errs less than each, shown if there are several splits. How it ended is
+    left out where all are converged or direct. A record of several fits has its means and the standard
     deviation of the error.
     """
     from homofact.evaluation.chart_ledger import series_name
@@ -278,20 +281,24 @@ def chart_table(title: str, records: Sequence[Mapping[str, Any]], base: float | 
     add_names(table, longest=max(len(series_name(record["label"], record["search"])) for record in records))
     spread = any("spread" in record for record in records)
     over = (f"± {repeated_by(*_most_repeats(records))}",) if spread else ()
+    several = _most_repeats(records)[1] > 1
+    over += ("best wins",) if several else ()
     add_figures(table, *("textures", "error", *over, "of McCool", "bytes", "fetches", "fit s"))
     # Where all ended as they should there is nothing to say, and the table fits a narrow terminal.
     usual = {Status.CONVERGED.value, Status.DIRECT.value}
     odd = any(not set(str(record["status"]).split(", ")) <= usual for record in records)
     if odd:
         table.add_column("ended", no_wrap=True)
-    for record in records:
+    for record, won in zip(records, wins, strict=True):
         held = record["error"]["held_out"]["log_mse"]
+        on_splits = "best" if won is None else f"{won} of {len(record.get('splits', [0]))}"
         luck = _deviation(record["spread"]["error"]["held_out"]["log_mse"]) if "spread" in record else ""
         table.add_row(
             Text(series_name(record["label"], record["search"])),
             f"{record['textures']} × {record['size']}²" if record["size"] else "–",
             Text(figure(held), "bold"),
             *((luck,) if spread else ()),
+            *((on_splits,) if several else ()),
             "–" if base is None else f"×{held / base:.2f}" if held >= 0.1 * base else f"×{held / base:.2g}",
             *(str(record[name]) for name in ("bytes", "fetches")),
             f"{record['seconds']['fit']:.3g}",
@@ -312,9 +319,8 @@ def facts_table(title: str, facts: Mapping[str, Any]) -> Table:
     table.add_column("", overflow="fold")
     for name, value in facts.items():
         if value is not None and value != {} and value != []:
-            table.add_row(
-                name.replace("_", " ") if name.isidentifier() else Text(name), Text(with_options(words(value)))
-            )
+            shown = " to ".join(map(words, value)) if name.endswith("_degrees") and len(value) == 2 else words(value)
+            table.add_row(name.replace("_", " ") if name.isidentifier() else Text(name), Text(with_options(shown)))
     return table
 
 

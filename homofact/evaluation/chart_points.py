@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from statistics import fmean
 from typing import Any
 
 from homofact.evaluation.chart_ledger import ChartRow
@@ -51,6 +52,12 @@ class ChartPoint:
         """The held-out Cole error."""
         return Spread.of(row.held_out.log_mse for row in self.rows)
 
+    def by_split(self) -> dict[int, float]:
+        """Return the mean held-out Cole error on each split, by the seed that drew it."""
+        return {
+            split: fmean(row.held_out.log_mse for row in self.rows if row.split_seed == split) for split in self.splits
+        }
+
     @property
     def seconds(self) -> Spread:
         """Of the fit."""
@@ -81,6 +88,19 @@ def points_of(rows: Iterable[ChartRow]) -> list[ChartPoint]:
         point = by_point.setdefault((row.label, row.search, row.textures_asked, row.size), {})
         point.setdefault((row.split_seed, row.seed), row)
     return [ChartPoint(tuple(runs[drawn] for drawn in sorted(runs))) for runs in by_point.values()]
+
+
+def best_lower_on(points: Sequence[ChartPoint]) -> list[int | None]:
+    """Return for each point on how many splits the point of the lowest mean error errs less; None for that one itself.
+
+    Several seeds on a split count once, by their mean error. Splits that a point does not have are not counted.
+    """
+    best = min(points, key=lambda point: point.error.mean)
+    own = best.by_split()
+    return [
+        None if point is best else sum(own[split] < error for split, error in point.by_split().items() if split in own)
+        for point in points
+    ]
 
 
 def reference(points: Sequence[ChartPoint]) -> ChartPoint | None:

@@ -93,10 +93,10 @@ def mean_record(records: Sequence[Mapping[str, Any]], seeds: Sequence[int], spli
     """Return the records of fits that differ in their seeds and splits alone, as one: of a comparison or of a chart.
 
     Errors, seconds, evaluations and figures of light are means; "spread" has the mean, least, greatest and standard
-    deviation of each, "seeds" are the fits' and "splits" the seeds of their splits. Bytes and fetches are those of the
-    largest fit; all else is the first's.
+    deviation of each, "seeds" are the fits' and "splits" the seeds of their splits. Bytes, fetches and textures are
+    those of the largest fit; all else is the first's.
     """
-    own = records[0]
+    own, largest = records[0], max(records, key=lambda record: (record["bytes"], record["fetches"]))
 
     def spreads(several: Sequence[Mapping[str, float]]) -> dict[str, dict[str, float | None]]:
         return {name: Spread.of(numbers[name] for numbers in several).record() for name in several[0]}
@@ -109,7 +109,7 @@ def mean_record(records: Sequence[Mapping[str, Any]], seeds: Sequence[int], spli
     appearance = {name: spread.record() for name, values in light.items() if (spread := _spread(values)) is not None}
     return {
         **own,
-        **{name: max(record[name] for record in records) for name in ("bytes", "fetches")},
+        **{name: largest[name] for name in ("bytes", "fetches", "textures", "shapes") if name in own},
         "status": ", ".join(dict.fromkeys(record["status"] for record in records)),
         "evaluations": evaluations.mean,
         "seconds": {name: spread["mean"] for name, spread in seconds.items()},
@@ -140,11 +140,11 @@ def mean_rows(fits: Sequence[MeasuredFit], source: str = "") -> list[MeanRow]:
     for method in dict.fromkeys(fit.method for fit in own):
         for group in sorted({fit.group for fit in own if fit.method == method}):
             some = [fit for fit in own if fit.group == group]
-            nbytes = max(fit.nbytes for fit in some)
+            nbytes, fetches = max((fit.nbytes, fit.fetches) for fit in some)
             both = {name: _spreads([(fit.source, fit.values[name]) for fit in some]) for name in some[0].values}
             spreads = {name: spread for name, (spread, _) in both.items()}
             within_source = {name: deviation for name, (_, deviation) in both.items()}
-            sources, fetches = len({fit.source for fit in some}), max(fit.fetches for fit in some)
+            sources = len({fit.source for fit in some})
             epsilons = {fit.epsilon for fit in some}
             epsilon = epsilons.pop() if len(epsilons) == 1 else None
             one_way = sum(not fit.is_reciprocal for fit in some)

@@ -78,11 +78,7 @@ class RepeatedRows:
         records = [row.record() for row in self.rows]
         if len(records) == 1:
             return records[0]
-        return mean_record(records, self.seeds, self.splits) | {
-            "textures": max(record["textures"] for record in records),
-            "shapes": max(records, key=lambda record: record["bytes"])["shapes"],
-            "rows": records,
-        }
+        return mean_record(records, self.seeds, self.splits) | {"rows": records}
 
 
 def fit_repeats(

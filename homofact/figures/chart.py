@@ -155,9 +155,10 @@ def _caption(rows: Sequence[ChartRow], width: float) -> list[str]:
         caption[0] += f" A point is {mean}, its bars go from least to greatest."
     if any(row.textures < row.textures_asked for row in rows):
         caption[0] += " A run may keep fewer textures than requested, where more were not worth it."
+    split = "split by " * (len(widest.splits) > 1) + listed_seeds(widest.splits)
     caption += [
         f"ε = {first.epsilon:g}, {first.held_out_part:.0%} of {first.samples} samples held out,"
-        f" {listed_seeds(widest.splits)}, channels {first.channels if len(first.channels) < 16 else 'of a spectrum'}.",
+        f" {split}, channels {first.channels if len(first.channels) < 16 else 'of a spectrum'}.",
         first.machine,
     ]
     left_out = sum(not _drawn(row) for row in rows)

@@ -75,4 +75,4 @@ def test_tables_of_comparisons_keep_names_whole() -> None:
         "label": "mccool-theta", "search": "", "textures": 2, "size": 16, "bytes": 6144, "fetches": 3,
         "seconds": {"fit": 1.5}, "status": "converged", "error": {"held_out": {"log_mse": 0.0123}},
     }  # fmt: skip
-    assert any("mccool-theta" in line for line in printed(chart_table("t", [record], 0.5)))
+    assert any("mccool-theta" in line for line in printed(chart_table("t", [record], 0.5, [None])))

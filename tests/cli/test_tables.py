@@ -60,7 +60,7 @@ def test_a_chart_names_a_search_alike_in_table_series_and_grades() -> None:
     searches = ("gradient", "powell")
     run: dict[str, Any] = {"error": {"held_out": {"log_mse": 0.1}}, "bytes": 3072, "fetches": 1}
     records = [point("search", each, 1, 16) | run | {"seconds": {"fit": 1}, "status": "converged"} for each in searches]
-    shown = [str(cell) for cell in chart_table("", records, None).columns[0].cells]
+    shown = [str(cell) for cell in chart_table("", records, None, [None] * len(records)).columns[0].cells]
     assert shown == [series_name("search", each) for each in searches] == ["search", "search (powell)"]
     (grades,) = chart_grades(records)
     assert [str(cell) for cell in grades.columns[0].cells] == ["search, 1 × 16²", "search (powell), 1 × 16²"]

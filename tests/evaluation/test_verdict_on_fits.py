@@ -281,3 +281,12 @@ def test_gains_that_were_looked_for_are_not_advised_again() -> None:
         noted = Noted(fitted, ring, Search(size=10, reciprocal=False), train, one.status)
         (found,) = (each for each in of_the_figures(noted) if each.name == "ring")
         assert found.advice == expected
+
+
+def test_a_ring_is_not_named_under_a_fit_that_is_far_from_all_its_samples() -> None:
+    one = verdict(settings=Search(size=10, reciprocal=False))
+    data = replace(one.figures.data, ring=0.5, ring_where="θi = 20°")
+    for misplaced, named in ((0.19, True), (0.21, False)):
+        figures = replace(one.figures, data=data, errors=replace(one.figures.errors, misplaced=misplaced))
+        noted = Noted(Altered(), figures, Search(size=10, reciprocal=False), TRAIN, one.status)  # pyright: ignore[reportArgumentType]
+        assert any(each.name == "ring" for each in of_the_figures(noted)) is named

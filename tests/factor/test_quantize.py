@@ -9,6 +9,7 @@ import pytest
 import torch
 
 import homofact
+from homofact.brdf.pair_density import draw_lobe
 from homofact.brdf.source import Source, open_source
 from homofact.errors import BadInput
 from homofact.evaluation.metrics import measure
@@ -162,3 +163,16 @@ def test_where_samples_are_few_values_elsewhere_do_not_drift() -> None:
 
     plain = rounded(fitted, "png8")
     assert moved(quantize(fitted, few, "png8")) < moved(plain)
+
+
+def test_the_tip_of_a_highlight_without_samples_is_not_drawn_in() -> None:
+    samples = open_source("material:car-paint-red", count=4000).samples
+    half = samples.wi + samples.wo
+    tip = half[:, 2] / half.norm(dim=1) > np.cos(np.radians(1.5))
+    beside = samples.select(~tip)
+    fitted = homofact.McCool(size=24).fit(beside).factorization
+    wi, wo = draw_lobe(20_000, torch.Generator().manual_seed(5))
+    bisector = wi + wo
+    near = bisector[:, 2] / bisector.norm(dim=1) > np.cos(np.radians(1.5))
+    moved = quantize(fitted, beside, "png8").evaluate_log(wi, wo) - fitted.evaluate_log(wi, wo)
+    assert float(moved[near].square().mean().sqrt()) < 0.01

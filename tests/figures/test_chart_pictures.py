@@ -13,7 +13,7 @@ from refusals import refused
 from homofact.brdf.source import open_source
 from homofact.evaluation.chart import plan, run_chart
 from homofact.evaluation.chart_ledger import ChartLedger, ChartRow
-from homofact.evaluation.chart_points import ChartPoint, points_of, reference
+from homofact.evaluation.chart_points import ChartPoint, best_lower_on, points_of, reference
 from homofact.figures.chart import cost_chart, time_chart, write_charts
 from homofact.figures.label_places import place_labels
 from homofact.figures.log_axis import plain_number, round_ticks
@@ -127,8 +127,27 @@ def test_runs_by_several_seeds_are_one_point(many: list[ChartRow]) -> None:
     (point,) = points_of([replace(many[1], split_seed=split, seed=seed) for split in (7, 3) for seed in (2, 1)])
     assert [(row.split_seed, row.seed) for row in point.rows] == [(3, 1), (3, 2), (7, 1), (7, 2)]
     assert (point.record()["seeds"], point.record()["splits"]) == ([1, 2], [3, 7])
+    # Bytes, fetches and textures are those of one and the same fit, the largest.
+    large, small = replace(many[1], bytes=90, fetches=1, seed=1), replace(many[1], bytes=60, fetches=3, seed=2)
+    (point,) = points_of([large, small])
+    assert (point.record()["bytes"], point.record()["fetches"]) == (90, 1)
     kept = [replace(many[1], textures=textures, seed=textures) for textures in (1, 2)]
     assert points_of(kept)[0].textures == "1–2"
+
+
+def test_the_best_point_is_held_against_each_other_split_by_split(many: list[ChartRow]) -> None:
+    def rows(size: int, errors: dict[int, list[float]]) -> list[ChartRow]:
+        return [
+            replace(many[1], size=size, split_seed=split, seed=seed, held_out=replace(many[1].held_out, log_mse=error))
+            for split, several in errors.items()
+            for seed, error in enumerate(several)
+        ]
+
+    best = rows(8, {0: [1.0, 3.0], 1: [2.0], 2: [1.0]})
+    # Seeds of a split count once: 2 against 1.9 and 2.5. A split of its own is not counted.
+    worse, wide = rows(16, {0: [1.9], 1: [5.0], 2: [4.0]}), rows(32, {0: [2.5], 1: [2.5], 2: [2.5], 7: [0.1, 8.0]})
+    assert best_lower_on(points_of([*worse, *best, *wide])) == [2, None, 3]
+    assert best_lower_on(points_of(best)) == [None]
 
 
 @pytest.mark.slow

@@ -7,6 +7,7 @@ import pytest
 import torch
 
 import homofact
+from homofact.brdf.formats.csv import write as write_csv
 from homofact.brdf.source import open_source
 from homofact.brdf.source_names import HELD_OUT
 from homofact.errors import BadInput
@@ -30,7 +31,9 @@ pixels = [16, 12]
 
 @pytest.fixture(autouse=True)
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(file_fits, "METHOD", Search(textures=1, size=6, effort=1.0))
+    quick = Search(textures=1, size=6, effort=1.0)
+    monkeypatch.setattr(file_fits, "METHOD", quick)
+    monkeypatch.setattr(file_fits, "OF_SAMPLES", quick)
 
 
 @pytest.fixture
@@ -69,6 +72,29 @@ def test_a_named_material_is_asked_itself(no_fits: object) -> None:
     )
 
 
+def test_a_list_of_samples_is_fitted_with_fewer_texels_than_a_table(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Asked(Exception):
+        pass
+
+    def fitted(source: object, method: Search, progress: object = None) -> None:
+        raise Asked(method)
+
+    def method_for(place: Path) -> Search:
+        with pytest.raises(Asked) as found:
+            FileFits().of(str(place))
+        return found.value.args[0]
+
+    monkeypatch.setattr(file_fits, "fit_and_measure", fitted)
+    few = homofact.read("material:phong-10", count=300).samples
+    write_csv(str(tmp_path / "list.csv"), few)
+    homofact.convert("material:phong-10", tmp_path / "table.binary")
+    monkeypatch.setattr(file_fits, "OF_SAMPLES", Search(textures=1, bytes=900, effort=1.0))
+    assert method_for(tmp_path / "list.csv") == file_fits.OF_SAMPLES
+    assert method_for(tmp_path / "table.binary") == file_fits.METHOD
+
+
 @pytest.mark.slow
 def test_a_fit_stands_for_a_file_and_is_kept(tmp_path: Path, paint: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     told: list[object] = []
@@ -102,7 +128,9 @@ def test_a_file_that_has_changed_or_another_method_is_fitted_anew(
     paint.unlink()
     homofact.convert("material:phong-30", paint, count=400)
     second = FileFits(tmp_path / "kept", True).of(str(paint))
-    monkeypatch.setattr(file_fits, "METHOD", Search(textures=1, size=5, effort=1.0))
+    own = Search(textures=1, size=5, effort=1.0)
+    monkeypatch.setattr(file_fits, "METHOD", own)
+    monkeypatch.setattr(file_fits, "OF_SAMPLES", own)
     third = FileFits(tmp_path / "kept", True).of(str(paint))
     assert len({each.name for each in (first, second, third)}) == 3
     assert third.fit.textures[0].size == (5, 5)
