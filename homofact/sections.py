@@ -123,7 +123,8 @@ class CompareSettings(_Checked):
     A method is a name, `mccool:` and fixed projections joined with "+" (`mccool:theta_h-theta_d+wi`), or `ggx:` and a
     number of lobes. `plot` is the figure's file, where one is wanted. `metrics` names what they are measured by: six,
     all, or single metrics; `csv` and `latex` are files for their means and standard deviations over sources and seeds,
-    and with `by_source` the LaTeX table also has rows for each source. With the folder `chart`, each source is fitted
+    and with `by_source` the LaTeX table also has rows for each source. Saved fits in `sources` are compared on the
+    measurement `on` where one is named. With the folder `chart`, each source is fitted
     by methods × `textures` × `size` × `search` instead. McCool's fixed lists take neither counts nor searches, and only
     `search` takes searches.
     """
@@ -141,6 +142,7 @@ class CompareSettings(_Checked):
     csv: str | None = option(None, "Write means and standard deviations over sources and seeds (.csv)", metavar="FILE")
     latex: str | None = option(None, "Write the same as a LaTeX table for booktabs (.tex)", metavar="FILE")
     by_source: bool = option(False, "In the LaTeX table, also give the rows of each source")
+    on: str | None = option(None, "Compare saved fits on this measurement instead of their own source", metavar="FILE")
     metrics: tuple[str, ...] = option(
         ("six",), "Metrics: six, all, or names separated by commas (an unknown name lists all)"
     )

@@ -1,7 +1,7 @@
-"""Saved fits of one source side by side: which of them is nearer to it, and by how much."""
+"""Saved fits side by side, on the samples of their source or on those of another: which is nearer, and by how much."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -9,11 +9,15 @@ from typing import TYPE_CHECKING, Any
 from homofact.api.places import check_file
 from homofact.api.progress import Progress, ProgressSteps
 from homofact.api.result import Fit
-from homofact.api.subjects import Place, given_fit
+from homofact.api.subjects import GivenFit, Place, given_fit, given_source, open_given
 from homofact.errors import BadInput
 
 if TYPE_CHECKING:
+    from homofact.brdf.samples import Samples
+    from homofact.brdf.source import Source
+    from homofact.evaluation.paired import ErrorRatio
     from homofact.evaluation.reopening import Reopened
+    from homofact.evaluation.split import Split
 
 # Of an opening: settings that change the samples.
 _READ_WITH = ("channels", "count", "scheme", "seed", "calibrate", "clipped")
@@ -26,7 +30,7 @@ class FitsComparison:
     Attributes
     ----------
     source : str
-        The source of all of them.
+        The source of all of them, or the one that they were measured on instead.
     part : str
         What their errors are on: "held_out", samples that none of them has seen, or "source", all samples.
     fits : dict of Fit
@@ -38,6 +42,11 @@ class FitsComparison:
         The picture; None without one.
     conditions : list of str
         Under which conditions the metrics hold, in sentences.
+    best : str
+        The label of the fit with the lowest Cole error.
+    ratios : dict of dict of ErrorRatio
+        The errors of the best fit over those of each other one with the same ε, by label and by error ("log_mse",
+        "mse"), with their intervals.
     """
 
     source: str
@@ -46,28 +55,37 @@ class FitsComparison:
     records: dict[str, dict[str, Any]]
     plot: Path | None
     conditions: list[str] = field(default_factory=list)
+    best: str = ""
+    ratios: "dict[str, dict[str, ErrorRatio]]" = field(default_factory=dict)
 
     def record(self) -> dict[str, Any]:
         """Return the JSON form."""
         rows = [{"label": label, **record} for label, record in self.records.items()]
         plot = None if self.plot is None else str(self.plot)
         facts = {"source": self.source, "part": self.part, "rows": rows, "plot": plot}
-        return facts | {"metric_conditions": self.conditions}
+        ratios = {
+            label: {name: one.record() for name, one in several.items()} for label, several in self.ratios.items()
+        }
+        return facts | {"metric_conditions": self.conditions, "best": self.best, "error_ratios": ratios}
 
 
 def compare_fits(
     fits: Sequence[Place],
     *,
+    on: Any = None,
     metrics: Sequence[str] = ("six",),
     plot: Place | None = None,
     progress: Progress | None = None,
 ) -> FitsComparison:
-    """Measure saved fits of one source on the same samples, beside each other.
+    """Measure saved fits on the same samples, beside each other.
 
     Parameters
     ----------
     fits : sequence of paths
         Two or more results' folders or exports.
+    on : source or path, optional
+        Another measurement to measure them on, for example a second one of the same material, or the same file with a
+        fault undone. The fits may then be of different sources. Default: the source of all of them.
     metrics : sequence of str, optional
         "six", "all", or names of metrics, measured on the same samples.
     plot : path, optional
@@ -78,13 +96,14 @@ def compare_fits(
     Returns
     -------
     FitsComparison
-        The errors on the samples that were held out of all of them, if they share their split, else on all samples.
+        The errors on the samples that were held out of all of them, if they share their split, else on all samples;
+        with `on`, on all samples of that measurement.
 
     Raises
     ------
     BadInput
-        For fewer than two fits, an unknown metric, fits that cannot be read, or are of different sources or of one that
-        is gone.
+        For fewer than two fits, an unknown metric, fits that cannot be read, or have other channels than `on`. Without
+        `on`, also for fits of different sources or of one that is gone.
 
     Examples
     --------
@@ -108,28 +127,18 @@ def compare_fits(
     from homofact.evaluation.appearance import appearance
     from homofact.evaluation.judging import FitEvaluator, chosen_metrics
     from homofact.evaluation.metrics import measure
-    from homofact.evaluation.reopening import reopen
+    from homofact.evaluation.paired import error_ratios
 
     names = chosen_metrics(metrics)
     steps = ProgressSteps(progress)
     steps.stage("reading")
     opened = {label: load(place) for label, place in zip(given, fits, strict=True)}
-    found = {}
-    for label, one in opened.items():
-        try:
-            found[label] = reopen(one.factorization, None, given[label].near)
-        except BadInput as error:
-            raise error.at(label) from error
-    first = _one_source(found)
-    parts = {"source": first.source.samples.rotated_at_random(first.split.seed)}
-    if all(one.split == first.split and one.held_out for one in found.values()):
-        parts = first.parts
-    split = first.split if "held_out" in parts else replace(first.split, held_out=0.0)
-    judge = FitEvaluator(first.source, names)
+    source, split, parts = _own_parts(given, opened) if on is None else _parts_of(on, opened)
+    judge = FitEvaluator(source, names)
     records = {}
     for label, one in opened.items():
         steps.stage(f"measuring {label}")
-        fitted, seen = one.factorization, appearance(one.factorization, first.source)
+        fitted, seen = one.factorization, appearance(one.factorization, source)
         records[label] = {
             "textures": len(fitted.terms),
             "bytes": fitted.nbytes,
@@ -144,9 +153,47 @@ def compare_fits(
     if picture is not None:
         steps.stage("drawing")
         picture.parent.mkdir(parents=True, exist_ok=True)
-        draw_fits(picture, first.source, opened, records)
+        draw_fits(picture, source, opened, records)
     part = "held_out" if "held_out" in parts else "source"
-    return FitsComparison(first.source.name, part, opened, records, picture, judge.conditions())
+    best = min(records, key=lambda label: records[label]["error"][part]["log_mse"])
+    ratios = {
+        label: error_ratios(opened[best].factorization, one.factorization, parts[part])
+        for label, one in opened.items()
+        if label != best and records[label]["epsilon"] == records[best]["epsilon"]
+    }
+    return FitsComparison(source.name, part, opened, records, picture, judge.conditions(), best, ratios)
+
+
+def _own_parts(
+    given: "Mapping[str, GivenFit]", opened: Mapping[str, Fit]
+) -> "tuple[Source, Split, dict[str, Samples]]":
+    """The source that all fits are of, its split, and what errors are measured on. Raises BadInput for several."""
+    from homofact.evaluation.reopening import reopen
+
+    found = {}
+    for label, one in opened.items():
+        try:
+            found[label] = reopen(one.factorization, None, given[label].near)
+        except BadInput as error:
+            raise error.at(label) from error
+    first = _one_source(found)
+    if all(one.split == first.split and one.held_out for one in found.values()):
+        return first.source, first.split, first.parts
+    parts = {"source": first.source.samples.rotated_at_random(first.split.seed)}
+    return first.source, replace(first.split, held_out=0.0), parts
+
+
+def _parts_of(on: Any, opened: Mapping[str, Fit]) -> "tuple[Source, Split, dict[str, Samples]]":
+    """Another source, a split of it that holds nothing out, and all its samples. Raises BadInput for other channels."""
+    from homofact.evaluation.split import Split
+
+    source = open_given(given_source(on), 0)
+    for label, one in opened.items():
+        own, expected = one.factorization.channels, source.samples.channels
+        if tuple(own) != tuple(expected):
+            found = f"a fit of the channels {', '.join(own)}"
+            raise BadInput(where=label, found=found, expected=f"{', '.join(expected)}, as {source.name}")
+    return source, Split.of(source, 0.0, 0), {"source": source.samples.rotated_at_random(0)}
 
 
 def _labels(places: Sequence[Place]) -> list[str]:
@@ -163,7 +210,8 @@ def _one_source(found: "dict[str, Reopened]") -> "Reopened":
             raise BadInput(
                 where=label,
                 found=f"a fit of {one.source.name}{_read_with(one, first)}",
-                expected=f"one of the samples of {first.source.name}{_read_with(first, one)}, as {first_label}",
+                expected=f"one of the samples of {first.source.name}{_read_with(first, one)}, as {first_label},"
+                " or one measurement for all (`on='FILE'`)",
             )
     return first
 

@@ -22,16 +22,16 @@ from homofact.cli.tables import (
 )
 from homofact.cli.verdicts import brief_lines, names_of, strictness
 from homofact.errors import BadInput
-from homofact.evaluation.wording import counted
+from homofact.evaluation.wording import counted, figure
 from homofact.files.kinds import EXPORT, RESULT
 from homofact.sections import FIT
 
 if TYPE_CHECKING:
     from homofact.api.compared import SourceComparison
+    from homofact.api.comparing_fits import FitsComparison
     from homofact.config import Config
     from homofact.evaluation.compare import ComparisonRow
     from homofact.evaluation.repeats import RepeatedRows
-    from homofact.sections import CompareSettings
 
 Seeds = Annotated[
     str,
@@ -77,7 +77,8 @@ def compare(
     it prints the finished comparisons and exits with code 130.
 
     If the SOURCES are folders of fits, it compares these fits with their
-    source, on the same samples; --plot FILE.png draws them.
+    source, on the same samples, or with another measurement, --on FILE;
+    --plot FILE.png draws them.
 
     With --chart it runs methods × textures × sizes × searches: each SOURCE
     gets NAME.csv with every run, NAME_time (error against fitting time) and
@@ -90,8 +91,10 @@ def compare(
         made_anew |= {name: getattr(asked, name) is not None for name in ("chart", "csv", "latex")}
         for name in (name for name, given in made_anew.items() if given):
             raise BadInput("given beside saved fits", where=name, expected="sources with it")
-        _compare_fits(asked, Screen(as_json, quiet))
+        _compare_fits(settings, Screen(as_json, quiet))
         return
+    if asked.on is not None:
+        raise BadInput(where="on", found="it beside sources to fit", expected="the folders of saved fits")
     sources = sources_of(settings, asked.sources)
     screen = Screen(as_json, quiet)
     if asked.chart is not None:
@@ -127,22 +130,42 @@ def compare(
         raise typer.Exit(130)
 
 
-def _compare_fits(asked: "CompareSettings", screen: Screen) -> None:
-    """Saved fits of one source, beside each other."""
+def _compare_fits(settings: "Config", screen: Screen) -> None:
+    """Saved fits beside each other, on the samples of their source or of another."""
+    asked = settings.compare
+    on = None if asked.on is None else sources_of(settings, [asked.on])[0]
+
     from homofact.api.comparing_fits import compare_fits
 
     with screen.progress() as progress:
-        found = compare_fits(asked.sources, metrics=asked.metrics, plot=asked.plot, progress=progress)
-    if found.part == "source":
+        found = compare_fits(asked.sources, on=on, metrics=asked.metrics, plot=asked.plot, progress=progress)
+    if on is not None:
+        screen.note(f"homofact: the errors are on all samples of {found.source}; a fit of them has seen most of them")
+    elif found.part == "source":
         screen.note("homofact: the fits have different held-out samples, so the errors are on all samples")
     metrics = metric_tables({label: record["metrics"] for label, record in found.records.items()})
     screen.show(error_table(found.records), *appearance_tables(found.records), *metrics, *map(Text, found.conditions))
-    screen.show(size_table(found.records))
+    screen.show(*map(Text, _ratio_lines(found)), size_table(found.records))
     said = {label: record["verdict"] for label, record in found.records.items() if record["verdict"] is not None}
     screen.show(*(hanging(f"{label}: {verdict['summary']}", 2) for label, verdict in said.items()))
     if found.plot is not None:
         screen.note(f"The picture: {found.plot}")
     screen.answer(found.record())
+
+
+def _ratio_lines(found: "FitsComparison") -> list[str]:
+    """The errors of the best fit over those of each other one, with their intervals, and what these show."""
+    lines = []
+    for label, several in found.ratios.items():
+        parts = (
+            f"{name.replace('_', ' ')} {figure(one.ratio)} ({figure(one.low)} to {figure(one.high)})"
+            for name, one in several.items()
+        )
+        count = next(iter(several.values())).count
+        lines.append(f"{found.best} over {label}, 95% interval over {count} samples in brackets: {', '.join(parts)}")
+    if not all(one.clear for several in found.ratios.values() for one in several.values()):
+        lines.append("An interval that contains 1 shows no difference.")
+    return lines
 
 
 def _show(compared: "SourceComparison", screen: Screen, several: bool) -> None:

@@ -1,19 +1,29 @@
-"""Two methods split by split: whether one is better wherever the same samples are held out.
+"""Two fits on the same samples, or two methods split by split: whether one is better, or was only lucky.
 
 Errors on held-out samples scatter, and those of all methods scatter together: a split that holds out the top of a
 highlight is hard for each of them. Two means with their deviations may therefore overlap although one method is better
 on every split. So each split gives one ratio of the two errors, and these are counted.
+
+Of two saved fits there is one split. How far the ratio of their errors depends on which samples were held out is then
+estimated by a bootstrap over these samples, the errors of both fits at a sample drawn together.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+import torch
+
+from homofact.brdf.pair_density import disc_shares
+from homofact.brdf.samples import Samples
 from homofact.evaluation.repeats import RepeatedRows
 from homofact.evaluation.spread import Spread
+from homofact.factor.fitted import Fitted
 
 # The errors on held-out samples that are compared: of logarithms, and of the values themselves.
 PAIRED = ("log_mse", "mse")
+_RESAMPLES, _SEED = 1000, 20261128
 
 
 @dataclass(frozen=True)
@@ -46,6 +56,48 @@ class MethodPair:
             for name, found in self.ratios.items()
         }
         return {"best": self.best, "other": self.other, "errors": ratios}
+
+
+@dataclass(frozen=True)
+class ErrorRatio:
+    """The error of one fit over that of another on `count` samples, with the bootstrap's 95% interval."""
+
+    ratio: float
+    low: float
+    high: float
+    count: int
+
+    @property
+    def clear(self) -> bool:
+        """Whether the interval does not contain 1."""
+        return not self.low <= 1 <= self.high
+
+    def record(self) -> dict[str, Any]:
+        """Return the JSON form."""
+        return {"ratio": self.ratio, "interval": [self.low, self.high], "samples": self.count}
+
+
+def error_ratios(first: Fitted, second: Fitted, samples: Samples) -> dict[str, ErrorRatio]:
+    """Return the ratios of two fits' errors on the same samples, by the names of `PAIRED`; infinite over an error of 0.
+
+    The samples count as independent. Neighbours on a scan are not quite, so the interval is rather too narrow.
+    """
+    weights = disc_shares(samples)
+    weights = torch.ones_like(samples.wi[:, 0]) if weights is None else weights
+    errors = []
+    for fit in (first, second):
+        found, log = fit.evaluate(samples.wi, samples.wo), fit.transform.forward
+        off = (log(found) - log(samples.values), found - samples.values)
+        errors.append([(each.square().mean(1) * weights).cpu().numpy() for each in off])
+    count = len(samples)
+    drawn = np.random.default_rng(_SEED).integers(0, count, (_RESAMPLES, count))
+    ratios = {}
+    for name, own, other in zip(PAIRED, *errors, strict=True):
+        sums = [np.array([error[rows].sum() for rows in drawn]) for error in (own, other)]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            low, high = np.nanquantile(sums[0] / sums[1], (0.025, 0.975))
+            ratios[name] = ErrorRatio(float(own.sum() / other.sum()), float(low), float(high), count)
+    return ratios
 
 
 def split_by_split(rows: Mapping[str, RepeatedRows]) -> list[MethodPair]:

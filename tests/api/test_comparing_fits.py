@@ -1,6 +1,7 @@
 """Saved fits of one source beside each other: on the same samples, seen by none or by all, and never of two sources."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,9 @@ from PIL import Image
 from refusals import refused
 
 import homofact
+from homofact.brdf.formats.csv import write as write_csv
 from homofact.cli.main import main
+from homofact.evaluation.metrics import measure
 
 SOURCE = "material:phong-10"
 
@@ -117,3 +120,34 @@ def test_fits_of_a_source_that_was_read_in_another_way_name_what_differs(tmp_pat
         homofact.factorize(source, tmp_path / str(count), homofact.McCool(size=4))
     with refused("400: found a fit of phong-10 read with count 400, expected .* read with count 300, as 300"):
         homofact.compare_fits([tmp_path / "300", tmp_path / "400"])
+
+
+def test_fits_are_compared_on_another_measurement(fits: Path, tmp_path: Path, capsys) -> None:
+    other = homofact.read("material:phong-10", count=400, seed=9)
+    # Fits of different sources too: each is measured on the same samples.
+    found = homofact.compare_fits([fits / "small", fits / "large", fits / "clay"], on=other)
+    assert (found.source, found.part) == ("phong-10", "source")
+    for label, record in found.records.items():
+        fit = homofact.load(fits / label).factorization
+        alone = measure(fit, other.samples.rotated_at_random(0), fit.transform)
+        assert record["error"]["source"]["log_mse"] == pytest.approx(alone.log_mse)
+    for name in ("log_mse", "mse"):
+        errors = {label: record["error"]["source"][name] for label, record in found.records.items()}
+        assert found.best != "clay"
+        assert found.ratios["clay"][name].ratio == pytest.approx(errors[found.best] / errors["clay"])
+        assert found.ratios["clay"][name].clear
+    assert found.record()["best"] == found.best
+    assert main(["compare", *(str(fits / name) for name in ("small", "clay")), "--on", SOURCE, "--count", "400"]) == 0
+    streams = capsys.readouterr()
+    assert "the errors are on all samples of phong-10" in streams.err
+    assert "small over clay, 95% interval over 400 samples in brackets: log mse 0." in " ".join(streams.out.split())
+    with refused("small: found a fit of the channels R, G, B, expected Y, as "):
+        homofact.compare_fits([fits / "small", fits / "large"], on=one_channel(tmp_path))
+    assert main(["compare", SOURCE, "--on", SOURCE]) == 2
+    assert "on: found it beside sources to fit" in capsys.readouterr().err
+
+
+def one_channel(folder: Path) -> Path:
+    samples = homofact.read("material:phong-10", count=200).samples
+    write_csv(folder / "one.csv", replace(samples, values=samples.values[:, :1], channels=("Y",)))
+    return folder / "one.csv"

@@ -159,7 +159,7 @@ COMMANDS = {
     "source.calibrate": "info", "source.clipped": "info", "source.dismiss": "info",
     "source.subset": "compare", "evaluate.held_out": "compare", "compare.methods": "compare", "compare.plot": "compare",
     "compare.metrics": "compare", "compare.sources": "compare", "compare.csv": "compare", "compare.latex": "compare",
-    "compare.chart": "compare", "compare.by_source": "compare", "compare.textures": "compare",
+    "compare.chart": "compare", "compare.by_source": "compare", "compare.on": "compare", "compare.textures": "compare",
     "compare.size": "compare", "compare.search": "compare", "output.folder": "factorize", "output.force": "convert",
     "render.light": "render", "render.environment": "render", "render.exposure": "render", "render.tonemap": "render",
     "render.size": "render", "render.file": "render",

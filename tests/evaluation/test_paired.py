@@ -1,12 +1,16 @@
-"""Two methods split by split: ratios by hand, seeds that count once, and what cannot be compared."""
+"""Two fits, or two methods split by split: ratios by hand, their intervals, and what cannot be compared."""
 
 from dataclasses import replace
+from typing import Any
 
 import pytest
+import torch
 
+from homofact.brdf.log_transform import LogTransform
+from homofact.brdf.samples import Samples
 from homofact.brdf.source import open_source
 from homofact.evaluation.compare import ComparisonRow, fit_and_measure
-from homofact.evaluation.paired import split_by_split
+from homofact.evaluation.paired import ErrorRatio, error_ratios, split_by_split
 from homofact.evaluation.repeats import RepeatedRows
 from homofact.factor.factorization import Factorization
 from homofact.methods.mccool import McCool
@@ -67,3 +71,43 @@ def test_what_cannot_be_compared_is_left_out(row: ComparisonRow) -> None:
         0: [(2.0, 2.0)], 1: [(2.0, 2.0)],
     }).rows))  # fmt: skip
     assert split_by_split({"a": a, "b": by_another}) == []
+
+
+class _Off:
+    """Values that are those of the samples times exp(an error per sample)."""
+
+    def __init__(self, samples: Samples, logs: torch.Tensor, transform: LogTransform) -> None:
+        self.transform, self._values = transform, samples.values * logs.exp()[:, None]
+
+    def evaluate(self, wi: torch.Tensor, wo: torch.Tensor) -> torch.Tensor:
+        return self._values
+
+
+def test_the_ratio_of_two_fits_has_the_interval_of_their_samples() -> None:
+    drawn = open_source("material:phong-10", count=500).samples
+    samples = Samples(wi=drawn.wi, wo=drawn.wo, values=drawn.values, channels=drawn.channels, isotropic=True)
+    transform = LogTransform.of(samples, 1e-9)
+    order = torch.randperm(500, generator=torch.Generator().manual_seed(1))
+    noise = torch.linspace(-0.3, 0.3, 500, dtype=torch.float64)[order]
+
+    def ratio(first: torch.Tensor, second: torch.Tensor) -> ErrorRatio:
+        fits: Any = [_Off(samples, logs, transform) for logs in (first, second)]
+        return error_ratios(*fits, samples)["log_mse"]
+
+    # Half the error at every sample is certain; the spread of the samples does not matter.
+    found = ratio(noise / 2, noise)
+    assert (found.ratio, found.low, found.high) == (pytest.approx(0.25), pytest.approx(0.25), pytest.approx(0.25))
+    assert (found.clear, found.count) == (True, 500)
+    # One sample that decides is no evidence: without it the other fit is better.
+    one = torch.zeros(500, dtype=torch.float64)
+    one[7] = 4.0
+    found = ratio(noise * 1.05, noise + one)
+    assert found.ratio < 0.9
+    assert not found.clear
+    assert found.low < found.ratio < 1 < found.high
+    # Errors that are the same but for chance: expected ± is that of a mean of 500 squares.
+    found = ratio(noise, noise.flip(0))
+    assert not found.clear
+    assert (1 - found.low, found.high - 1) == (pytest.approx(0.11, abs=0.03), pytest.approx(0.12, abs=0.04))
+    assert found == ratio(noise, noise.flip(0))
+    assert found.record()["interval"] == [found.low, found.high]

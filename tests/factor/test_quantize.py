@@ -171,6 +171,7 @@ def test_the_tip_of_a_highlight_without_samples_is_not_drawn_in() -> None:
     tip = half[:, 2] / half.norm(dim=1) > np.cos(np.radians(1.5))
     beside = samples.select(~tip)
     fitted = homofact.McCool(size=24).fit(beside).factorization
+    assert isinstance(fitted, Factorization)
     wi, wo = draw_lobe(20_000, torch.Generator().manual_seed(5))
     bisector = wi + wo
     near = bisector[:, 2] / bisector.norm(dim=1) > np.cos(np.radians(1.5))
