@@ -92,7 +92,7 @@ def test_the_ratio_of_two_fits_has_the_interval_of_their_samples() -> None:
 
     def ratio(first: torch.Tensor, second: torch.Tensor) -> ErrorRatio:
         fits: Any = [_Off(samples, logs, transform) for logs in (first, second)]
-        return error_ratios(*fits, samples)["log_mse"]
+        return error_ratios(fits[0], fits[1], samples)["log_mse"]
 
     # Half the error at every sample is certain; the spread of the samples does not matter.
     found = ratio(noise / 2, noise)
