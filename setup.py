@@ -20,6 +20,6 @@ setup(
     package_dir=EMBEDDED,
     package_data={each: ["*.*"] for each in EMBEDDED}
     | {each: ["*.html", "*.css", "*.js"] for each in PAGES}
-    | {each: ["*.json"] for each in ("homofact.brdf", "homofact.measuring", "homofact.methods")}
+    | {"": ["*.json"]}
     | {"homofact.exporting.engines": ["*.gdshader", "*.glsl", "*.html", "*.js", "*.md", "*.pbrt", "*.txt"]},
 )

@@ -40,7 +40,9 @@ def built(out: Path) -> tuple[Path, Path]:
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder) / "sources"
         copy.mkdir()
-        ignored = shutil.ignore_patterns("__pycache__", "*.nbi", "*.nbc", "pictures", "node_modules", "*.so")
+        # The scripts of the pictures are in a folder of the same name.
+        pictures = ("pictures",) if name == "docs" else ()
+        ignored = shutil.ignore_patterns("__pycache__", "*.nbi", "*.nbc", "node_modules", "*.so", *pictures)
         for name in FOLDERS:
             shutil.copytree(ROOT / name, copy / name, ignore=ignored)
         for name in FILES:

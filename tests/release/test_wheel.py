@@ -19,7 +19,6 @@ import pytest
 from homofact.version import __version__
 
 ROOT = Path(__file__).resolve().parents[2]
-pytestmark = pytest.mark.slow
 
 
 def files_under(*folders: str) -> set[str]:
@@ -90,6 +89,7 @@ def test_the_sdist_has_what_tests_and_builds(built: Path) -> None:
     assert not any(each.endswith(".so") for each in there)
 
 
+@pytest.mark.slow
 def test_what_is_installed_fits_embedded_data_in_an_empty_folder(installed: Path, tmp_path: Path) -> None:
     assert run([str(installed), "--version"], tmp_path) == f"homofact {__version__}\n"
     place = "import homofact; print(homofact.__file__)"
@@ -102,6 +102,7 @@ def test_what_is_installed_fits_embedded_data_in_an_empty_folder(installed: Path
     assert int(run([str(installed.parent / "python"), "-c", lines], tmp_path)) > 100
 
 
+@pytest.mark.slow
 def test_what_is_installed_finds_what_embedded_scenes_name(installed: Path, tmp_path: Path) -> None:
     lines = (
         "from homofact.files.embedded import located;"
