@@ -40,11 +40,11 @@ def built(out: Path) -> tuple[Path, Path]:
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder) / "sources"
         copy.mkdir()
-        # The scripts of the pictures are in a folder of the same name.
-        pictures = ("pictures",) if name == "docs" else ()
-        ignored = shutil.ignore_patterns("__pycache__", "*.nbi", "*.nbc", "node_modules", "*.so", *pictures)
+        ignored = ("__pycache__", "*.nbi", "*.nbc", "node_modules", "*.so")
         for name in FOLDERS:
-            shutil.copytree(ROOT / name, copy / name, ignore=ignored)
+            # The scripts that draw the pictures are in a folder of the same name.
+            pictures = ("pictures",) if name == "docs" else ()
+            shutil.copytree(ROOT / name, copy / name, ignore=shutil.ignore_patterns(*ignored, *pictures))
         for name in FILES:
             shutil.copy(ROOT / name, copy / name)
         run([sys.executable, "-c", _CALL.format("sdist", str(out.resolve()))], copy)
