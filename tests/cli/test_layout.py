@@ -67,7 +67,7 @@ def test_figures_of_several_seeds_are_whole_in_80_columns() -> None:
     error = dict(zip(SIX, means, strict=True))
     spread = {name: {"standard_deviation": each} for name, each in zip(SIX, deviations, strict=True)}
     record = {
-        "seeds": [0, 1], "epsilon": 0.01, "error": {"held_out": error, "train": error},
+        "seeds": [0, 1], "splits": [0], "epsilon": 0.01, "error": {"held_out": error, "train": error},
         "spread": {"error": {"held_out": spread, "train": spread}},
     }  # fmt: skip
     out = io.StringIO()

@@ -92,7 +92,6 @@ def test_a_folder_holds_the_lobe_to_the_bit(ready: RelightScene, tmp_path: Path)
     arrays, header = read_archive(file)
     for name, other in (
         ("lobe_sight", arrays["object_0_lobe_sight"][:, :-1]),
-        ("lobe_values", arrays["object_0_lobe_values"][:, :, :-1]),
         ("lobe_values", arrays["object_0_lobe_values"][:1]),
         ("lobe_values", np.full_like(arrays["object_0_lobe_values"], np.nan)),
     ):

@@ -23,7 +23,8 @@ def test_edited_pictures_are_held_against_mitsuba(tmp_path: Path) -> None:
     rows = [
         [cell.strip() for cell in line.strip("|").split("|")] for line in text.splitlines() if line.startswith("| ")
     ]
-    assert len(rows) == 2 + 3 * 2
+    # Five edited materials under two lights, below the head.
+    assert len(rows) == 2 + 5 * 2
     for row in rows[2:]:
         few, more, points, noise = (float(cell.rstrip("%")) / 100 for cell in row[2:])
         # 27 pixels, 32 samples and 100 lights: what is wrong by more than that is a bug.
