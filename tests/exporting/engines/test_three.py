@@ -114,7 +114,8 @@ def test_the_example_page_draws(page: tuple[Any, Path, str], tmp_path: Path) -> 
     with Image.open(shown) as picture:
         grey = np.asarray(picture.convert("L")).astype(float)
     assert grey.std() > 10
-    opened(driver, f"{address}/halves/index.html")
+    engine_folder(folder / "without three", isotropic(), "three")
+    opened(driver, f"{address}/without%20three/index.html")
     assert "npm install three" in driver.execute_script("return document.querySelector('output').textContent")
     complaints(driver)
 
