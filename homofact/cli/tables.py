@@ -41,7 +41,7 @@ def error_table(records: Mapping[str, Mapping[str, Any]]) -> Table:
     add_figures(table, *(name.replace("_", " ") for name in SIX))
     for label, record in records.items():
         parts = {"held_out": "held out", "train": "training"}
-        for key, words in ({"source": "all seen"} if "source" in record["error"] else parts).items():
+        for key, words in ({"source": "all"} if "source" in record["error"] else parts).items():
             figures = [figure(record["error"][key][name]) for name in SIX]
             style = "dim" if key == "train" else "bold"
             table.add_row("" if key == "train" else Text(label), words, *(Text(f, style) for f in figures))

@@ -23,7 +23,7 @@ from homofact.methods.saved import open_saved
 from homofact.methods.search import Search
 
 METHOD = Search(textures=3, size=32, effort="quick")
-# More texels follow the noise of a list of samples: with a third of the bytes, the Cole error of a lacquer halves.
+# More texels than that follow the noise of a list of samples.
 OF_SAMPLES = Search(textures=3, bytes=12288, effort="quick")
 _FACTS = "stands_for"
 
@@ -53,7 +53,7 @@ class FileFit:
         held_out, sky = self.errors["held_out"], self.errors["sky"]
         shown = "" if sky is None else f", a sphere under a sky off by {sky:.1%}"
         sizes = shapes([texture.size for texture in self.fit.textures])
-        fit = f"{Path(words).name}: replaced by a fit of {sizes} ({self.fit.nbytes} bytes)"
+        fit = f"{Path(words).name}: replaced by a fit with textures of {sizes} texels, {self.fit.nbytes} bytes"
         return f"{fit}, mean absolute log error (log_mae) {held_out:.3f} on held-out samples{shown}"
 
 
