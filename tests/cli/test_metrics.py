@@ -155,6 +155,6 @@ def test_several_seeds_are_means_with_their_spread(capsys: pytest.CaptureFixture
     assert f"±{brief_figure(light['standard_deviation'])}" in out.partition("Light, fit over source")[2]
     assert f"±{brief_figure(cole['spread']['seconds']['fit']['standard_deviation'])[:1]}" in out.partition("Cost")[2]
     trusted = [row["verdict"]["trusted"] for row in cole["rows"]]
-    assert f"Verdict on cole, seed 0 (trusted: {sum(trusted)} of 3 seeds)" in " ".join(out.split())
+    assert f"Verdict on cole, seed 0 (trusted: {sum(trusted)} of 3 fits)" in " ".join(out.split())
     assert "homofact: mccool: all seeds gave the same fit" in ran.err
     assert f"±{brief_figure(spread['standard_deviation'])}" in out
