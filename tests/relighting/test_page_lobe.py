@@ -56,8 +56,13 @@ def check_lobes(driver: Any, radiance: np.ndarray) -> None:
     for number in APART:
         expected = lobe_of(relit_lobes.scene().objects[number], radiance, eye_of(driver))
         assert expected.any(1).sum() > 20
-        # A cell on the verge of being divided may be divided in one of the two, which are of other precision.
-        assert relative(page_lobe(driver, number), expected) < 1e-2
+        found = page_lobe(driver, number)
+        # A cell on the verge of being divided may be divided in one of the two, which have different precisions: at few
+        # vertices, and by the difference between a cell and its parts.
+        apart = np.linalg.norm(found - expected, axis=1) > 5e-3 * np.linalg.norm(expected, axis=1).max()
+        assert apart.sum() <= 2
+        assert relative(found[~apart], expected[~apart]) < 1e-3
+        assert np.allclose(found[apart], expected[apart], rtol=0.05)
 
 
 @pytest.fixture(scope="module")
