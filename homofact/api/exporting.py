@@ -194,7 +194,7 @@ def export(
         work = _Work(fitted, reopened_or_why(fitted, source, given.near), format_named(name), steps)
         made, rows = work.stored(quantize)
         steps.stage("fitting the table of importance sampling")
-        made = work.drawable(made)
+        made = replace(work.drawable(made), verdict=given.verdict)
         if light is not None:
             from homofact.exporting.prefiltered import prefiltered_export
 

@@ -48,7 +48,7 @@ class GivenFit:
 
     @property
     def verdict(self) -> dict[str, Any] | None:
-        """Whether its report, or that of its plan, trusts the fit, and the verdict in a sentence; None without one.
+        """Whether its report, its plan or its export trusts the fit, and the verdict in a sentence; None without one.
 
         The textures of 8 bits in a plan have no report of their own.
         """
@@ -56,10 +56,11 @@ class GivenFit:
             own = getattr(self.found, "verdict", None)
             return None if own is None else {"trusted": own.trusted, "summary": own.summary}
 
+        from homofact.exporting.exported_reader import export_record
         from homofact.exporting.result import read_record
 
-        entry = plan_entry(self.place if self.place.is_dir() else self.place.parent)
-        for record in (read_record(self.place), entry or {}):
+        folder = self.place if self.place.is_dir() else self.place.parent
+        for record in (read_record(self.place), plan_entry(folder) or {}, export_record(folder)):
             found = record.get("verdict")
             if isinstance(found, dict) and isinstance(found.get("summary"), str):
                 return {"trusted": bool(found.get("trusted")), "summary": found["summary"]}

@@ -9,7 +9,10 @@ Isotropic samples stand at (√θh cos 2φd, √θh sin 2φd, θd), scaled to 1:
 [0, π/2], and all of it meets at θh = 0, where φd is undefined. Anisotropic ones stand at their `brdf.places`.
 
 Three further readings of the same samples tell how sure the first one is: by each half of the samples, and by `MORE` of
-them. A pair is beyond the samples where the nearest one is farther off than samples are from each other.
+them. A gonioreflectometer often scans a highlight finely in the plane of incidence (φd = 0) and coarsely elsewhere, so
+beside this plane no reading knows the highlight. There, the values of a `round_lobe` are as likely: those of the
+nearest samples if φd counts only by `_LIGHT_TURN`. A pair is beyond the samples where the nearest one is farther off
+than samples are from each other.
 """
 
 import math
@@ -30,6 +33,7 @@ NEAREST, MORE = 12, 24
 # A pair's nearest sample may be so many times as far as all but a tenth of the samples are from their neighbours.
 FARTHEST, MOST_SAMPLES, THEIR_NEIGHBOURS = 1.5, 0.9, 4
 _RIDGE = 1e-2
+_LIGHT_TURN, _NEARER = 0.1, 0.7
 _SEED = 20261124
 
 
@@ -40,10 +44,13 @@ class Interpolated:
     Attributes
     ----------
     readings : (N, C) BRDF values in sr⁻¹ each, the best first; 0 where a direction is under the horizon.
+    round_lobe : (N, C) the same of a lobe round the normal, equal to the first reading where samples of the pair's own
+        φd are near; None of anisotropic samples.
     beyond : (N,) whether no sample is near.
     """
 
     readings: tuple[Tensor, ...]
+    round_lobe: Tensor | None
     beyond: Tensor
 
 
@@ -64,9 +71,20 @@ def interpolated(samples: Samples, epsilon: float, wi: Tensor, wo: Tensor) -> In
         _planes(place, np.ascontiguousarray(tree.data), logs, distance, near, kept, number, _RIDGE)
         for kept, number in ((everything, NEAREST), (half, NEAREST), (~half, NEAREST), (everything, MORE))
     ]
-    values = (transform.inverse(torch.from_numpy(each)) for each in readings)
+    if samples.isotropic:
+        turned = tree_of(_places(samples.wi.cpu(), samples.wo.cpu(), True, _LIGHT_TURN))
+        place = _places(wi.double(), wo.double(), True, _LIGHT_TURN)
+        nearer, others = (
+            each.reshape(len(place), -1) for each in map(np.asarray, turned.query(place, k=min(MORE, len(samples))))
+        )
+        points = np.ascontiguousarray(turned.data)
+        found = _planes(place, points, logs, nearer, others, everything, NEAREST, _RIDGE)
+        elsewhere = (nearer[:, 0] < _NEARER * distance[:, 0])[:, None]
+        readings.append(np.where(elsewhere, found, readings[0]))
+    values = [torch.where(above, transform.inverse(torch.from_numpy(each)), 0.0) for each in readings]
+    round_lobe = values.pop() if samples.isotropic else None
     beyond = distance[:, 0] > FARTHEST * np.quantile(spacing, MOST_SAMPLES)
-    return Interpolated(tuple(torch.where(above, each, 0.0) for each in values), torch.from_numpy(beyond))
+    return Interpolated(tuple(values), round_lobe, torch.from_numpy(beyond))
 
 
 @kernel()
@@ -138,11 +156,15 @@ def _planes(place, points, logs, distance, near, kept, number, ridge):
     return found
 
 
-def _places(wi: Tensor, wo: Tensor, isotropic: bool) -> np.ndarray:
-    """Where pairs of directions stand among the samples, (N, 3) or (N, 5), as the module's head says."""
+def _places(wi: Tensor, wo: Tensor, isotropic: bool, turn: float = 1.0) -> np.ndarray:
+    """Where pairs of directions stand among the samples, (N, 3) or (N, 5), as the module's head defines it.
+
+    `turn` multiplies the folded φd of isotropic samples.
+    """
     if not isotropic:
         return half_places(wi, wo, False).cpu().numpy()
     theta_h, theta_d, phi_d = rusinkiewicz_angles(wi, wo)
     root = (theta_h / (math.pi / 2)).sqrt()
+    angle = turn * torch.acos(torch.cos(2 * phi_d).clamp(-1, 1)) if turn != 1 else 2 * phi_d
     scaled = theta_d / (math.pi / 2)
-    return torch.stack((root * torch.cos(2 * phi_d), root * torch.sin(2 * phi_d), scaled), 1).cpu().numpy()
+    return torch.stack((root * torch.cos(angle), root * torch.sin(angle), scaled), 1).cpu().numpy()

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from homofact.planning.plan import MaterialPlan, ScenePlan
 
 _SETTINGS = options_of(PlanSettings)
+_TILT = "tilt"  # a finding
 
 
 def plan(
@@ -43,7 +44,8 @@ def plan(
         str | None,
         typer.Option(
             metavar="NAME",
-            help="Replace the scene's tolerances: visible keeps differences that people do not notice.",
+            help="Replace the scene's tolerances: visible keeps differences that people do not notice (not for lists of"
+            " samples).",
         ),
     ] = None,
     effort: Annotated[str, typer.Option(help=f"{_SETTINGS['effort'].option.help}.")] = str(_SETTINGS["effort"].default),
@@ -161,8 +163,13 @@ def finding_lines(verdicts: "Mapping[str, Verdict | None]") -> list[str]:
         lines += brief_lines({label: verdict})
         lines += [f"  - why it warns: {verdict.cause}"] if verdict.cause else []
         for each in verdict.findings:
-            if each.costs and each.about is not About.FIT:
+            if (each.costs and each.about is not About.FIT) or each.name == _TILT:
                 lines.append(f"  - {each.about.title.lower()}: {noted(each)}")
+    if any(each.name == _TILT for verdict in verdicts.values() if verdict is not None for each in verdict.findings):
+        lines.append(
+            "A plan takes measurements as they are. To undo a tilt, run homofact convert SOURCE NEW.csv"
+            " --calibrate tilt, and name NEW.csv in the scene."
+        )
     return lines
 
 

@@ -76,7 +76,7 @@ def advice_lines(row: "ComparisonRow") -> list[str]:
         " ".join(map(option, step.settings)) + ("" if step.bytes is None else f" (about {step.bytes} bytes)")
         for step in steps
     ]
-    compared = "" if len(steps) == 1 else "; keep the fit with the smaller held-out error"
+    compared = "; keep the fit with the smaller held-out error"
     return [f"Try next: the same command with {', or with '.join(parts)}{compared}"]
 
 

@@ -58,7 +58,8 @@ class Exported:
 
     `textures` are in the order of the shaders' numbers; `cost` is of one evaluation, its bytes those of the texels
     on the GPU. With a `sampling`, the shaders have its functions too; with a `prefiltered` light
-    there are shaders and textures of a split sum beside them.
+    there are shaders and textures of a split sum beside them. `verdict` is "trusted" and "summary" of the verdict on
+    the fit before it was stored, None for a fit without one.
     """
 
     stored: Fitted
@@ -68,6 +69,7 @@ class Exported:
     format: Format
     sampling: LobeMixture | None = None
     prefiltered: PrefilteredExport | None = None
+    verdict: Mapping[str, Any] | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -154,6 +156,7 @@ def export_manifest(made: Exported, errors: Mapping[str, Any]) -> dict[str, Any]
         | ({} if made.sampling is None else {"sampling": SAMPLING}),
         "cost": made.cost.record(),
         "errors": dict(errors),
+        **({} if made.verdict is None else {"verdict": dict(made.verdict)}),
         **({} if made.sampling is None else {"sampling": sampling_record(made.stored, made.sampling)}),
         **({} if made.prefiltered is None else {"prefiltered": made.prefiltered.record()}),
         "provenance": without_places(fitted.provenance),

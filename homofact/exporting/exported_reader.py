@@ -44,14 +44,17 @@ def is_export(folder: str | os.PathLike[str]) -> bool:
     return path.is_file() and Fields.read(path, f"{FORMAT!r}").found.get("format") == FORMAT
 
 
+def export_record(folder: str | os.PathLike[str]) -> dict[str, Any]:
+    """Return what an export's manifest says; empty for any other folder. Raises BadInput as `is_export`."""
+    return Fields.read(Path(folder) / MANIFEST, f"{FORMAT!r}").found if is_export(folder) else {}
+
+
 def whole_format(folder: str | os.PathLike[str]) -> str | None:
     """Return the texture format of an export with whole texels, "png8" or "png16"; None for any other folder or file.
 
     Raises BadInput for a manifest that is not JSON.
     """
-    if not is_export(folder):
-        return None
-    name = Fields.read(Path(folder) / MANIFEST, f"{FORMAT!r}").found.get("texture_format")
+    name = export_record(folder).get("texture_format")
     return name if isinstance(name, str) and name in FORMATS and FORMATS[name].storage in LEVELS else None
 
 

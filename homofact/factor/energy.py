@@ -47,6 +47,7 @@ from homofact.brdf.samples import Samples
 from homofact.factor.factorization import Term, layout_of_terms
 from homofact.factor.textures import LogSamples, Smoothing, centred, inner_problem
 from homofact.geometry.coordinates import rusinkiewicz_angles
+from homofact.linear.least_squares import RELATIVE_RIDGE
 from homofact.linear.normal import stencil_rows
 from homofact.linear.size import is_dense
 from homofact.linear.sparse_solve import own_blocks
@@ -111,14 +112,19 @@ def _curvature(per_value: Any, squares: Any, values: Any) -> Any:
 
 
 def keep_light(
-    samples: LogSamples, terms: tuple[Term, ...], smoothing: Smoothing, flux: Flux, factor: np.ndarray | None = None
+    samples: LogSamples,
+    terms: tuple[Term, ...],
+    smoothing: Smoothing,
+    flux: Flux,
+    factor: np.ndarray | None = None,
+    ridge: float = RELATIVE_RIDGE,
 ) -> tuple[tuple[Term, ...], dict[str, float]]:
     """(terms at the minimum of J, {"before", "after": J, "evaluations"}); `samples` have their own weights, not J's.
 
     `factor` is that of the system that the terms solve with the weights of `Flux.weights_of`, where it is at hand.
-    Works on the CPU; textures come back on their own device.
+    Works on the CPU; textures come back on their own device. `ridge` is that of the system, relative.
     """
-    light = _Light(samples, terms, smoothing, flux, factor)
+    light = _Light(samples, terms, smoothing, flux, factor, ridge)
     start = light.start()
     first, _ = light.evaluate(start)
     steps = STEPS if is_dense(light.unknowns) else LARGE_STEPS
@@ -174,13 +180,14 @@ class _Light:
         smoothing: Smoothing,
         flux: Flux,
         factor: np.ndarray | None = None,
+        ridge: float = RELATIVE_RIDGE,
     ) -> None:
         self._layout = layout_of_terms(terms)
         masks = tuple(term.mask.cpu() for term in terms)
         projections = tuple(term.projection for term in terms)
         near = LogSamples(*(each.cpu() for each in (samples.wi, samples.wo, samples.logs, samples.weights)))
         self._clipped = None if samples.clipped is None else samples.clipped.cpu().numpy()
-        problem = inner_problem(near, projections, self._layout.shapes, smoothing, masks)
+        problem = inner_problem(near, projections, self._layout.shapes, smoothing, masks, ridge)
         kept = self._kept = problem.kept.numpy()
         numbers, values = stencil_rows(problem.coordinates, problem.lookups)
         count, width = numbers.shape

@@ -24,7 +24,7 @@ from homofact.geometry.coordinates import CoordinateSystem
 from homofact.geometry.parabolic import to_disc
 from homofact.linear.condition import condition_estimate, determined_share
 from homofact.linear.layout import Shape, TexelLayout
-from homofact.linear.least_squares import LeastSquares, Roughness
+from homofact.linear.least_squares import RELATIVE_RIDGE, LeastSquares, Roughness
 from homofact.linear.mask import covered, filled, grown
 from homofact.linear.normal import Lookup
 from homofact.linear.size import is_dense
@@ -103,6 +103,7 @@ def inner_problem(
     shapes: tuple[Shape, ...],
     smoothing: Smoothing,
     masks: tuple[Tensor, ...] | None = None,
+    ridge: float = RELATIVE_RIDGE,
 ) -> LeastSquares:
     """Return the least-squares problem of the texels of all `projections` at once, texture after texture.
 
@@ -126,6 +127,7 @@ def inner_problem(
         layout.join(layout.whole(samples.wi.device) if masks is None else masks),
         roughness,
         per_texel(smoothing, layout),
+        relative_ridge=ridge,
     )
 
 
@@ -169,16 +171,17 @@ def solve_terms(
     shapes: tuple[Shape, ...],
     smoothing: Smoothing,
     solver: str,
+    ridge: float = RELATIVE_RIDGE,
 ) -> Solved:
     """Return the masked solve: finished terms for fixed projections, constants gathered in the first texture.
 
     The unknowns are the texels in reach of a sample; the others of the projected domain take the value of the
     nearest of these, since smoothing alone would carry the last ramp on into the dark. The gauge is held in closed
-    form (`factor.gauge`). Clipped samples are one-sided (`one_sided`).
+    form (`factor.gauge`). Clipped samples are one-sided (`one_sided`). `ridge` is relative (`LeastSquares`).
     """
     layout = layout_of(projections, shapes)
     domains = domain_masks(projections, shapes, samples.wi.device)
-    whole = inner_problem(samples, projections, shapes, smoothing, domains)
+    whole = inner_problem(samples, projections, shapes, smoothing, domains, ridge)
     masks = _reached(whole.diagonal, domains, layout)
     kept = layout.join(masks)
     problem = whole.within(kept, Roughness.of(layout, masks), gauge_rows(projections, masks))

@@ -5,7 +5,8 @@ Minimise over texels y (T, C)
     Σn wn |fn − (By)n|² + λ' |Ly|² + δ |y|².
 
 λ' = λ · (Σ w)/T, in samples per texel, so that one λ means the same at every size. δ is 1e-9 of the mean diagonal: it
-selects the smallest texels where nothing else determines them, and is far too weak to change the fit.
+selects the smallest texels where nothing else determines them, and is far too weak to change the fit. A fit whose
+textures cancel each other has a stronger one (`relative_ridge`).
 
 A constant can move from one texture to another without changing the sum, and so can a ramp if projections overlap;
 Laplacian rows do not penalise either. If the rows Zᵀ of all such directions are given (orthonormal columns Z, `gauge`),
@@ -62,7 +63,8 @@ class LeastSquares:
     `kept` (T,) marks the unknowns that are solved for; the others are left out and come back as 0.
     `roughness` holds L, zero outside of `kept`; `smoothing` is λ, one for all or one an unknown (T,), equal within
     a texture. `gauge` is Z (T, G) of the module's head, zero outside of `kept`; None holds nothing. `sibling` is a
-    problem whose normal equations are taken over as long as it has the same samples.
+    problem whose normal equations are taken over as long as it has the same samples. `relative_ridge` is δ over the
+    mean diagonal.
     """
 
     coordinates: Tensor
@@ -74,6 +76,7 @@ class LeastSquares:
     smoothing: float | Tensor
     gauge: Tensor | None = None
     sibling: "LeastSquares | None" = None
+    relative_ridge: float = RELATIVE_RIDGE
 
     @property
     def unknowns(self) -> int:
@@ -104,12 +107,12 @@ class LeastSquares:
     @property
     def ridge(self) -> float:
         """δ, the weight of the texels themselves."""
-        return _ridge(float(self.weights.sum()), len(self.lookups), int(self.kept.sum()))
+        return _ridge(float(self.weights.sum()), len(self.lookups), int(self.kept.sum()), self.relative_ridge)
 
     @property
     def gauge_scale(self) -> float:
         """μ, the weight of the gauge rows."""
-        return self.ridge / RELATIVE_RIDGE
+        return self.ridge / self.relative_ridge
 
     def within(self, kept: Tensor, roughness: Roughness, gauge: Tensor | None) -> "LeastSquares":
         """Return the same samples for other kept unknowns, without another pass over them."""
@@ -270,6 +273,6 @@ def _penalty_scale(smoothing: float | Tensor, like: Tensor, weight: float, kept:
     return value.expand(len(kept))[:, None] * (weight / float(kept.sum()))
 
 
-def _ridge(weight: float, lookups: int, unknowns: int) -> float:
+def _ridge(weight: float, lookups: int, unknowns: int, relative: float = RELATIVE_RIDGE) -> float:
     """δ from Σw · lookups/T: about the mean diagonal of BᵀWB, and needs no accumulation."""
-    return RELATIVE_RIDGE * weight * lookups / unknowns
+    return relative * weight * lookups / unknowns

@@ -9,7 +9,7 @@ import torch
 from homofact.brdf.analytic.lambert import Lambert
 from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.samples import Samples
-from homofact.brdf.source import Source, open_source
+from homofact.brdf.source import Source, open_source, with_tilt_looked_at
 from homofact.errors import BadInput, Report, Status
 from homofact.evaluation.appearance import appearance
 from homofact.evaluation.artefacts.look import look_for_artefacts
@@ -65,8 +65,8 @@ class MaterialFits:
 
     @cached_property
     def source(self) -> Source:
-        """Read or sampled once. Raises BadInput as `open_source` does."""
-        return open_source(self.text, count=self.options.count, seed=self.options.seed)
+        """Read or sampled once; a tilt is looked for, but left in. Raises BadInput as `open_source` does."""
+        return with_tilt_looked_at(open_source(self.text, count=self.options.count, seed=self.options.seed))
 
     @cached_property
     def lobes(self) -> Lobes:

@@ -203,7 +203,7 @@ def outcome_of(
     if tolerance.trusted and most.ratio <= 1:
         trusted = fits.verdict(candidate, model).trusted
     if not trusted:
-        return LadderOutcome(UNTRUSTED, *cost, most.kind, most.error, where, trusted)
+        return LadderOutcome(UNTRUSTED, *cost, most.kind, most.error, where, trusted, excess)
     return LadderOutcome(most.ratio, *cost, most.kind, most.error, where, trusted, excess)
 
 
@@ -221,9 +221,9 @@ def plan_material(
     """
     if "delta_e_study" in tolerance.kinds and made_of_samples(fits.source.reflectance):
         raise BadInput(
-            f"{fits.source.name} is known only at its samples, so there is no picture of it to grade",
-            where="tolerance delta_e_study",
-            expected="a source that is known everywhere, or another limit such as delta_e",
+            where="tolerance",
+            found=f"delta_e_study (that of visible) for {fits.source.name}, which is known only at its samples",
+            expected="another limit, such as delta_e: there is no picture of the samples to grade",
         )
     # Some errors see none of the scene's light: one stage will do, and the 9 terms would be had for nothing.
     used = stages if tolerance.of_light else stages[:1]

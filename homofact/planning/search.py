@@ -26,6 +26,8 @@ DOUBT = 0.05
 BEST_PART = 0.2
 # ... and this part where the best so far misses it by less than NEAR.
 NEAR_PART, NEAR = 1.0, 1.05
+# Where nothing meets the tolerance, the cheapest rung is chosen whose errors are so near to the least ones.
+ALIKE = 1.02
 # The error of a rung within the limits whose verdict does not trust it: larger rungs are asked about next.
 UNTRUSTED = 1.5
 # Standard deviations of the material's level, a method's own, the slopes, the shared remainder, and the rest.
@@ -41,10 +43,11 @@ COLOUR_MEAN = 1.5
 class LadderOutcome:
     """What asking a rung brought: its error, bytes and fetches, and how many textures it came out with.
 
-    For several limits and lightings, `error` is the largest error relative to its limit; `kind` and `lighting` name
-    it, and `value` is the error itself. A rung that meets all limits but is not `trusted`, where it must be, counts as
-    one of the error `UNTRUSTED`. `excess` is the sum of the logarithms of the errors beyond their limits, over all
-    limits and lightings: a limit that nothing meets does not hide the others. None takes that of `error` alone.
+    For several limits and lightings, `error` is the largest error relative to its limit; `kind` and `lighting` name it,
+    and `value` is the error itself. A rung that meets all limits but is not `trusted`, where it must be, counts as one
+    of the error `UNTRUSTED` when larger ones are sought, but is nearer than any that misses a limit. `excess` is the
+    sum of the logarithms of the errors beyond their limits, over all limits and lightings: a limit that nothing meets
+    does not hide the others. None takes that of `error` alone.
     """
 
     error: float
@@ -100,10 +103,10 @@ def walk(
 ) -> Walk:
     """Return the cheapest rung that meets the tolerance within the budget, by asking as few as may be.
 
-    Cheapest is fewest bytes, then fewest fetches, then fewest reads of the light (`light_reads` by method). Where
-    none does, `choice` is the one nearest to it (`LadderOutcome.beyond`) that is within the budget (None if none is),
-    and `met` is False. `before` is called before each question, with how many more fits it may take, that one among
-    them, where none is likely to meet the tolerance; else with None.
+    Cheapest is fewest bytes, then fewest fetches, then fewest reads of the light (`light_reads` by method). Where none
+    does, `choice` is the one nearest to it (`LadderOutcome.beyond`) that is within the budget (None if none is), or the
+    cheapest of those as near within `ALIKE`, and `met` is False. `before` is called before each question, with how many
+    more fits it may take, that one among them, where none is likely to meet the tolerance; else with None.
     """
     reads = light_reads or {}
     state = Walk(tolerance)
@@ -159,8 +162,25 @@ def walk(
         state.asked[question] = ask(question)
     usable = [rung for rung in state.asked if fits_budget(rung)]
     state.met = best is not None
-    state.choice = best if best is not None else min(usable, key=lambda rung: state.asked[rung].beyond, default=None)
+    state.choice = best if best is not None else _nearest(usable, state.asked, cost)
     return state
+
+
+def _nearest(
+    usable: Sequence[Candidate],
+    asked: Mapping[Candidate, LadderOutcome],
+    cost: Callable[[Candidate], tuple[float, float, float]],
+) -> Candidate | None:
+    """The cheapest of the rungs that are as near to the tolerance as the nearest one, within `ALIKE`; None of none."""
+    if not usable:
+        return None
+    excess, error = min(asked[rung].beyond for rung in usable)
+    alike = [
+        rung
+        for rung in usable
+        if asked[rung].beyond[0] <= excess + math.log(ALIKE) and asked[rung].error <= error * ALIKE
+    ]
+    return min(alike, key=cost)
 
 
 def _next(pool: Sequence[Candidate], chances: Sequence[float], channels: int) -> Candidate:

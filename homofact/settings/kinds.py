@@ -28,7 +28,13 @@ def kinds_of(table: Mapping[str, Any]) -> set[str]:
 
 
 def check_kind(table: Mapping[str, Any], expected: str, where: object) -> None:
-    """Raise BadInput for a table that is of another kind, naming it and what takes it."""
+    """Raise BadInput for a table that is of another kind, naming it and what takes it, and for one of two kinds."""
+    if all(isinstance(table.get(name), list) for name in ("material", "object")):
+        raise BadInput(
+            where=where,
+            found="[[material]] and [[object]]",
+            expected="one of them: textures of materials and the light on meshes are planned from two files",
+        )
     kinds = kinds_of(table)
     if kinds and expected not in kinds:
         found = " or ".join(sorted(kinds, reverse=True))

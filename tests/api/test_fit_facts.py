@@ -20,6 +20,7 @@ from homofact.brdf.materials import material
 from homofact.brdf.quality.faults import albedo as brdf_albedo
 from homofact.brdf.sampling import sample_model
 from homofact.errors import BadInput
+from homofact.exporting.result import open_result
 from homofact.factor.factorization import Factorization
 from homofact.factor.fixed_projections import EDITED, EDITS
 from homofact.files.kinds import PLAN
@@ -116,7 +117,7 @@ def choice(result: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A choice of 8 bits in a plan, whose source lies in another folder."""
     plan = tmp_path_factory.mktemp("plans") / "plan"
     plan.mkdir()
-    homofact.export(result, plan / "1-paint", format="png8")
+    homofact.export(open_result(result), plan / "1-paint", format="png8")
     entry = {"folder": "1-paint", "source": "/lab/paint.csv", "verdict": {"trusted": False, "summary": "not trusted"}}
     (plan / PLAN.mark).write_text(json.dumps({"materials": [{"folder": "2-clay"}, entry]}))
     return plan / "1-paint"

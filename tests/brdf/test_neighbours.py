@@ -1,15 +1,19 @@
 """Quick interpolation of scattered samples: what is linear comes back, nothing leaves the samples' values."""
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 import torch
 from torch import Tensor
 
+from homofact.brdf.analytic.ggx import GgxBrdf, GgxLobe
 from homofact.brdf.materials import material
 from homofact.brdf.neighbours import interpolated
 from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
 from homofact.geometry.coordinates import rusinkiewicz_angles
-from homofact.geometry.directions import draw_in_discs
+from homofact.geometry.directions import draw_in_discs, from_spherical
 
 PLASTIC = material("cook-torrance-plastic").model
 
@@ -51,6 +55,30 @@ def test_the_halves_are_no_better_than_the_whole() -> None:
     assert whole < one
     assert whole < two
     assert one != two
+
+
+def test_a_highlight_that_was_scanned_in_one_plane_is_a_round_lobe_beside_it() -> None:
+    lobe = GgxBrdf((0.05,) * 3, (GgxLobe((1.0,) * 3, 0.06, 0.045),))
+    coarse = [(i, o, p) for i in range(0, 71, 10) for o in range(0, 81, 5) for p in range(0, 181, 15)]
+    fine = [(i, i + off, 180) for i in range(10, 71, 10) for off in np.arange(-6, 6.1, 0.5)]
+    angles = torch.from_numpy(np.radians(np.unique(np.array(coarse + fine, float), axis=0)))
+    wi = from_spherical(angles[:, 0], 0 * angles[:, 0])
+    wo = from_spherical(angles[:, 1], angles[:, 2])
+    samples = Samples(wi, wo, lobe.evaluate(wi, wo))
+    # The half vector is tilted by 5° out of the plane of incidence.
+    beside = torch.tensor([[60.0, 60.0, 174.2]], dtype=torch.float64).deg2rad()
+    query = from_spherical(beside[:, 0], 0 * beside[:, 0]), from_spherical(beside[:, 1], beside[:, 2])
+    true = float(lobe.evaluate(*query)[0, 0])
+    found = interpolated(samples, 0.01, *query)
+    assert found.round_lobe is not None
+    assert float(found.readings[0][0, 0]) < 0.5 * true
+    assert 0.7 * true < float(found.round_lobe[0, 0]) < 1.5 * true
+    # A pair among samples of its own φd is known from these.
+    own = interpolated(samples, 0.01, wi, wo)
+    assert own.round_lobe is not None
+    assert torch.equal(own.round_lobe, own.readings[0])
+    turned = replace(samples, isotropic=False)
+    assert interpolated(turned, 0.01, *query).round_lobe is None
 
 
 def test_what_is_far_from_all_samples_is_beyond() -> None:

@@ -5,10 +5,12 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from judged import Altered, seen, verdict
+from judged import TRAIN, Altered, measured, seen, verdict
 
 from homofact.cli.verdicts import advice_lines
 from homofact.errors import Advice
+from homofact.evaluation.artefacts.artefact import Artefact, Kind
+from homofact.evaluation.artefacts.look import Look
 from homofact.evaluation.verdict.next_steps import NextStep, next_steps
 from homofact.methods.method import Method
 from homofact.methods.search import Search
@@ -35,9 +37,20 @@ def test_more_textures_are_not_proposed_where_they_are_known_not_to_help_or_nobo
 
 
 def test_a_number_of_bytes_is_raised_and_a_trusted_fit_needs_nothing() -> None:
-    assert steps(Search(bytes=6144, reciprocal=False), kept=2) == (NextStep((Advice("bytes", 4 * 6144),)),)
+    assert steps(Search(bytes=6144, reciprocal=False), kept=2) == (NextStep((Advice("bytes", 2 * 6144),)),)
     good = verdict(seen=seen())
     assert next_steps(good, Altered(), Search()) == ()  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("nbytes", "advised"), [(6144, True), (20_000, False)])
+def test_more_bytes_are_not_proposed_where_samples_are_fewer_than_texels(nbytes: int, advised: bool) -> None:
+    # 3000 samples, and 12 bytes a texel.
+    method = Search(bytes=nbytes, reciprocal=False)
+    ring = Artefact(Kind.RING, True, "around the highlight", 0.2, 0.01, "lamp")
+    found = verdict(train=measured(TRAIN), look=Look((ring,), 0.0), settings=method)
+    assert found.figures.reading is not None
+    (artefact,) = (each for each in found.findings if each.name == "artefact")
+    assert artefact.advice == (Advice("bytes", 2 * nbytes) if advised else None)
 
 
 def test_the_line_gives_the_options_and_their_bytes() -> None:

@@ -35,7 +35,7 @@ from homofact.planning.measure import best_colour
 from homofact.planning.missed import missed_by_all
 from homofact.planning.plan import MaterialPlan, plan_material, plan_scene
 from homofact.planning.scene import Budget, Scene, SceneMaterial
-from homofact.planning.search import LadderOutcome, Walk, _settled, walk
+from homofact.planning.search import ALIKE, UNTRUSTED, LadderOutcome, Walk, _settled, walk
 from homofact.planning.tolerance import MARGINS, Tolerance
 from homofact.scene.lighting import NAMED, named_lighting
 
@@ -109,8 +109,34 @@ def test_what_cannot_be_met_is_answered_with_the_best() -> None:
     found = walked(answers, 1e-4)
     assert not found.met
     assert found.choice is not None
-    assert answers[found.choice].error == min(each.error for each in answers.values())
+    least = min(each.error for each in answers.values())
+    assert answers[found.choice].error <= ALIKE * least
+    # Of the ones that were asked about and err as little, it is the cheapest.
+    alike = [each for each in found.asked.values() if each.error <= ALIKE * least]
+    assert answers[found.choice].bytes == min(each.bytes for each in alike)
     assert found.fits <= len(FITS) / 5 + 1
+
+
+def test_bytes_that_bring_nothing_are_not_spent_where_nothing_meets_the_tolerance() -> None:
+    answers = {each: replace(one, error=1.8 + 1e-4 * one.terms) for each, one in oracle(1.0).items()}
+    found = walked(answers, 1.0)
+    assert not found.met
+    assert found.choice is not None
+    assert found.asked[found.choice].bytes == min(each.bytes for each in found.asked.values())
+
+
+def test_what_meets_the_limits_without_trust_is_nearer_than_what_misses_them() -> None:
+    # Larger rungs meet the limits, and no verdict trusts them; smaller ones miss a limit by little.
+    answers = {
+        each: replace(one, error=1.1, excess=math.log(1.1))
+        if one.bytes < 2000
+        else replace(one, error=UNTRUSTED, excess=0.0, trusted=False)
+        for each, one in oracle(1.0).items()
+    }
+    found = walked(answers, 1.0)
+    assert not found.met
+    assert found.choice is not None
+    assert not found.asked[found.choice].trusted
 
 
 def test_a_limit_that_nothing_meets_does_not_hide_the_others() -> None:

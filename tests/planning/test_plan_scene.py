@@ -121,6 +121,7 @@ def test_several_lightings_and_limits_and_a_distance(tmp_path: Path) -> None:
         ('named = "sun"', "lights = [{direction = [0, 0, 0]}]", "light direction: found"),
         ('named = "sun"', "lights = [{direction = [0, 0, 1], radiance = [1, 2]}]", "expected 1 or 3 numbers"),
         ("reflected = 0.1", "de = 1", "tolerance.de: unknown key, expected one of cole, delta_e, delta_e_p95"),
+        ("share = 1\n", 'share = 1\n[[object]]\nmesh = "knot.ply"\n', r"found \[\[material\]\] and \[\[object\]\]"),
         (SCENE, "[[object]]\nterms = 1\n", "found a scene for relighting, expected a scene for planning"),
         (SCENE, "[fit]\nsize = 1\n", "found a configuration, expected a scene for planning"),
         ("reflected = 0.1", "reflected = 0", "tolerance.reflected: found 0, expected a number above 0"),

@@ -107,7 +107,8 @@ def test_samples_alone_are_not_graded(tmp_path: Path, capsys: pytest.CaptureFixt
     file = scene(tmp_path, str(SYNTHETIC))
     assert main(["plan", str(file), *QUICK, "--tolerance", "visible"]) == 2
     error = capsys.readouterr().err
-    assert "known only at its samples, so there is no picture of it to grade" in error
+    assert "delta_e_study (that of visible)" in error
+    assert SYNTHETIC.name in error
     assert "Traceback" not in error
 
 

@@ -8,13 +8,13 @@ from typing import Any
 
 import pytest
 import torch
-from judged import verdict
+from judged import TRAIN, verdict
 from plan_cases import PAINT, QUICK, WHITE, fits_of, stage_of
 
 import homofact
 from homofact.api.plan_facts import plan_facts
 from homofact.brdf.analytic.lambert import Lambert
-from homofact.cli.plan import doubt_lines
+from homofact.cli.plan import doubt_lines, finding_lines
 from homofact.cli.plan_tables import choice_table, step_table
 from homofact.exporting.result import open_result
 from homofact.planning.export import write_plan
@@ -68,6 +68,14 @@ def test_the_smallest_representation_that_is_trusted_is_chosen(fits: MaterialFit
     without = planned(judged(fits, 150), replace(WIDE, trusted=False))
     assert without.walk.choice is not None
     assert without.walk.choice.is_colour
+
+
+def test_a_tilt_that_is_left_in_is_named_with_the_way_out() -> None:
+    tilt = {"left_in": True, "words": "the sample was tilted by +0.1°: it can be undone"}
+    lines = finding_lines({"paint": verdict(train=replace(TRAIN, provenance={"tilt": tilt}))})
+    assert any("the sample was tilted by +0.1°" in line for line in lines)
+    assert "--calibrate tilt" in lines[-1]
+    assert not any("tilt" in line for line in finding_lines({"paint": verdict()}))
 
 
 def test_only_what_meets_the_limits_is_judged_and_each_once(fits: MaterialFits) -> None:

@@ -8,8 +8,9 @@ Lines with # come before the header: `isotropic` and `noise_free` take true or f
 default `noise_free` is false, and samples lit from a single azimuth are isotropic, which the provenance notes. The
 header names the columns, in any order: both directions as theta_i, phi_i, theta_o, phi_o in radians (or with _rad), the
 same with _deg in degrees, or wi_x … wo_z; `weight` if there is one; every other column is a channel of f in sr⁻¹
-without the cosine, "550nm" being a wavelength. φ is absolute: the mirror direction of φi = 0 is φo = π. One column
-dphi, φo − φi, may replace both azimuths. Names of other programs are read too: theta_in, phi_out, theta_r, delta_phi.
+without the cosine, "550nm" being a wavelength. Quotes and capitals in the names of directions do not matter. φ is
+absolute: the mirror direction of φi = 0 is φo = π. One column dphi, φo − φi, may replace both azimuths. Names of other
+programs are read too: theta_in, phi_out, theta_r, delta_phi.
 
 `write` writes all digits of each number and directions as vectors, so that samples are read back bit-identical. It adds
 a column `weight` if any weight differs from 1.
@@ -44,6 +45,7 @@ DIFFERENCE = ("theta_i", "theta_o", "dphi")
 _OF_DIFFERENCE = tuple(tuple(f"{name}{unit}" for name in DIFFERENCE) for unit in ("", "_rad", "_deg"))
 _FORMS = (ANGLES, _RADIANS, _DEGREES, *_OF_DIFFERENCE, VECTORS)
 _IN_DEGREES = (_DEGREES, _OF_DIFFERENCE[2])
+_OWN = {name for form in _FORMS for name in form} | {"weight"}
 # What other programs call the directions' columns.
 _ALIASES = {
     "theta_in": "theta_i", "phi_in": "phi_i", "theta_out": "theta_o", "phi_out": "phi_o", "theta_r": "theta_o",
@@ -139,9 +141,11 @@ def _stated(path: object, lines: list[tuple[int, str]]) -> tuple[dict[str, bool 
 def _names(line: str) -> list[str]:
     """The columns' names in a header, the directions' as this format has them."""
     found = []
-    for word in map(str.strip, line.split(",")):
-        name, unit = (word[:-4], word[-4:]) if word.endswith(("_deg", "_rad")) else (word, "")
-        found.append(_ALIASES.get(name, name) + unit)
+    for word in (each.strip().strip('"') for each in line.split(",")):
+        small = word.lower()
+        name, unit = (small[:-4], small[-4:]) if small.endswith(("_deg", "_rad")) else (small, "")
+        name = _ALIASES.get(name, name) + unit
+        found.append(name if name in _OWN else word)
     return found
 
 

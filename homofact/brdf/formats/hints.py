@@ -24,8 +24,6 @@ def hint_of(head: bytes) -> str | None:
         words = lines[0].split(",")
         if len(words) >= _LEAST_COLUMNS and _numbers(words):
             return f"it has no header line, expected {_EXPECTED}"
-        if any(map(_direction, words)):
-            return f"its header's names are in quotes or capitals, expected {_EXPECTED}"
     for separator, shown in _SEPARATORS:
         words = lines[0].split(separator)
         if len(words) > 1 and any(map(_direction, words)):

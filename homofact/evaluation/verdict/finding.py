@@ -13,7 +13,7 @@ from homofact.errors import Advice
 
 NAMES = (
     "status", "condition", "light", "highlight", "narrow", "explained", "positivity", "energy", "step", "reciprocity",
-    "artefact", "held-out", "scatter", "epsilon", "zeros", "gamut", "clipped", "outliers", "repeated", "ring",
+    "artefact", "held-out", "scatter", "epsilon", "zeros", "gamut", "clipped", "outliers", "repeated", "ring", "tilt",
     "coverage", "sampling", "determined", "azimuth",
 )  # fmt: skip
 WORTH_SAYING = 1.1  # of a cost: less is not said

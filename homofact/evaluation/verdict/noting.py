@@ -30,6 +30,7 @@ _WORTH_NAMING = 0.01  # a source's own floor, relative RMS
 _WORTH_PLACING = 0.02  # of the held-out light
 _SPREAD_OF_AZIMUTHS = 0.2
 _SEEN_BY_LIGHT = ("zeros", "ring", "clipped")  # findings of their own
+_BYTES_OF_A_VALUE = 4
 _MISPLACED_BY_A_BAD_FIT = 0.2  # of the held-out light: from here on the fit itself leaves rings too dark or too bright
 
 
@@ -100,7 +101,14 @@ class _Note:
 
 def _larger(noted: Noted, value: float) -> Advice | None:
     """Nothing where the method has no such setting."""
-    return _wider(noted, 2)
+    return _wider(noted, 2) if vars(noted.settings).get("bytes") is None else _twice_the_bytes(noted)
+
+
+def _twice_the_bytes(noted: Noted) -> Advice | None:
+    """None where a measurement has fewer samples than these bytes have texels: smoothing would fill the others."""
+    wanted = 2 * vars(noted.settings)["bytes"]
+    texels = wanted / (_BYTES_OF_A_VALUE * len(noted.train.channels))
+    return None if noted.figures.reading is not None and texels > len(noted.train) else Advice("bytes", wanted)
 
 
 def _wider(noted: Noted, times: float) -> Advice | None:
@@ -115,7 +123,7 @@ def _more_textures(noted: Noted, value: float) -> Advice | None:
     """Nothing where the method has no such setting: McCool's fixed projections, a model without textures."""
     own = vars(noted.settings)
     if own.get("bytes") is not None:
-        return Advice("bytes", 2 * own["bytes"])
+        return _twice_the_bytes(noted)
     return Advice("textures", own["textures"] + 1) if "textures" in own else None
 
 
@@ -128,8 +136,18 @@ def _off(ratio: float | None) -> float | None:
 
 
 def _shows_rings(noted: Noted) -> bool:
-    """Whether a ring stands out under a fit that is otherwise near enough to its samples to show one."""
-    return bool(noted.figures.data.ring_where) and noted.figures.errors.misplaced < _MISPLACED_BY_A_BAD_FIT
+    """Whether a ring stands out under a fit that is otherwise near enough to its samples to show one.
+
+    A tilt that is left in makes rings too bright and too dark, so it is named instead (`of_the_tilt`).
+    """
+    near = noted.figures.errors.misplaced < _MISPLACED_BY_A_BAD_FIT
+    return bool(noted.figures.data.ring_where) and near and not _tilt_left_in(noted)
+
+
+def _tilt_left_in(noted: Noted) -> str:
+    """What is known of a tilt of the sample that was not undone, in words; "" if there is none."""
+    tilt = noted.train.provenance.get("tilt") or {}
+    return tilt["words"] if tilt.get("left_in") else ""
 
 
 def _narrow(noted: Noted) -> float | None:
@@ -316,8 +334,17 @@ def of_the_pictures(noted: Noted) -> Iterator[Finding]:
         )
 
 
+def of_the_tilt(noted: Noted) -> Iterator[Finding]:
+    """A tilt of the sample that was seen in a measurement and left in."""
+    found, _, undoing = _tilt_left_in(noted).partition(": ")
+    if found:
+        yield Finding("tilt", About.DATA, found, undoing)
+
+
 # Everything that notes something of a fit: what finds more things is added here.
-NOTERS: tuple[Callable[[Noted], Iterable[Finding]], ...] = (of_the_pictures, of_the_figures, of_the_suspicions)
+NOTERS: tuple[Callable[[Noted], Iterable[Finding]], ...] = (
+    of_the_pictures, of_the_figures, of_the_tilt, of_the_suspicions,
+)  # fmt: skip
 
 
 def _azimuths(samples: Samples) -> float:

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from importlib.resources import files
-from typing import Any
 
 import numpy as np
 
@@ -50,10 +49,14 @@ def check_colour(made: Exported, engine: str) -> None:
         raise BadInput(where=engine, found=f"channels {', '.join(channels)}", expected="R, G, B or one alone")
 
 
-def edits_note(provenance: Mapping[str, Any]) -> str:
-    """Return a paragraph of Markdown that names the edits of a fit, with the empty line before it; "" for none."""
-    edits = edits_in_words(provenance)
-    return f"\n\nThe fit was edited: {in_markdown(edits)}." if edits else ""
+def fit_notes(made: Exported) -> str:
+    """Return paragraphs of Markdown with the edits of a fit and its verdict, each after an empty line; "" for none."""
+    edits = edits_in_words(made.stored.provenance)
+    notes = [f"The fit was edited: {in_markdown(edits)}."] if edits else []
+    if made.verdict is not None:
+        whose = "the fit before the edit" if edits else "the fit, compared with its source"
+        notes.append(f"homofact's verdict on {whose}: {in_markdown(made.verdict['summary'])}.")
+    return "".join(f"\n\n{note}" for note in notes)
 
 
 def template_text(name: str) -> str:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from homofact.exporting.engine_light import ClosureLight, closure_light
-from homofact.exporting.engines.base import Added, Engine, check_colour, edits_note, template
+from homofact.exporting.engines.base import Added, Engine, check_colour, fit_notes, template
 from homofact.exporting.exported import Exported
 from homofact.files.words import in_markdown
 from homofact.rendering.closures import Closures
@@ -29,8 +29,7 @@ def _files(made: Exported) -> Added:
     check_colour(made, "blender")
     light = closure_light(made.stored)
     called = in_markdown(name_of(made.stored.provenance))
-    edits = edits_note(made.stored.provenance)
-    words = template("blender.md", NAME=called, OFF=light.off(), VERSION=__version__, EDITS=edits)
+    words = template("blender.md", NAME=called, OFF=light.off(), VERSION=__version__, NOTES=fit_notes(made))
     return Added({NAME: script(made, light), README: words}, light=light)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from homofact.brdf.analytic.metallic_roughness import MetallicRoughness
 from homofact.exporting.as_source import knows_no_azimuth
-from homofact.exporting.engines.base import Added, Engine, check_colour, edits_note, template
+from homofact.exporting.engines.base import Added, Engine, check_colour, fit_notes, template
 from homofact.exporting.exported import Exported
 from homofact.exporting.gltf_fit import fit_metallic_roughness
 from homofact.exporting.look_alike import LEAST_PSNR, MOST_ALBEDO, MOST_HIGHLIGHT, AddedLookAlike, Likeness, likeness
@@ -37,20 +37,20 @@ def _files(made: Exported) -> Added:
     look = fit_metallic_roughness(made.stored, knows_no_azimuth(made.stored))
     found = likeness(look, made.stored)
     name = name_of(made.stored.provenance)
-    text = readme(look, name, found, edits_note(made.stored.provenance))
+    text = readme(look, name, found, fit_notes(made))
     files = {NAME: glb(look, name, note=found.phrase), README: text}
     return AddedLookAlike(files, {"look-alike": look}, likeness=found)
 
 
-def readme(look: MetallicRoughness, name: str, found: Likeness, edits: str = "") -> str:
-    """Return the text of README.md: what the look-alike is, what it is not, its errors, and `edits` as `edits_note`."""
+def readme(look: MetallicRoughness, name: str, found: Likeness, notes: str = "") -> str:
+    """Return the text of README.md: what the look-alike is, what it is not, its errors, and `notes` as `fit_notes`."""
     rows = [f"| {label} | {value} |" for label, value in _numbers(look)]
     extensions = sorted(extensions_of(look))
     return template(
         "gltf.md",
         NAME=in_markdown(name),
         PHRASE=found.phrase,
-        EDITS=edits,
+        NOTES=notes,
         PARAMETERS="\n".join(rows),
         EXTENSIONS=f"{', '.join(extensions)}. A viewer that lacks one shows something less like the fit"
         * bool(extensions)

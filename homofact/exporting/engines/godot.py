@@ -15,7 +15,7 @@ import torch
 
 from homofact.containers.godot_cubemap import godot_cubemap
 from homofact.exporting.as_source import knows_no_azimuth
-from homofact.exporting.engines.base import Added, Engine, check_colour, edits_note, template
+from homofact.exporting.engines.base import Added, Engine, check_colour, fit_notes, template
 from homofact.exporting.exported import Exported
 from homofact.exporting.gltf_fit import fit_metallic_roughness
 from homofact.exporting.look_alike import AddedLookAlike, likeness
@@ -95,7 +95,7 @@ def _readme(made: Exported) -> str:
     """The folder's README."""
     light = made.prefiltered
     names = {"NAME": in_markdown(name_of(made.stored.provenance)), "VERSION": __version__}
-    names["EDITS"] = edits_note(made.stored.provenance)
+    names["NOTES"] = fit_notes(made)
     if light is None:
         return template("godot.md", SURROUNDINGS=template("godot_look.md").rstrip(), **names)
     sky = {"SKY": in_markdown(light.data.sky.name), "ERROR": f"{light.error:.1%}"}

@@ -15,7 +15,7 @@ import numpy as np
 
 from homofact.containers.formats import format_named
 from homofact.exporting.engine_light import engine_light
-from homofact.exporting.engines.base import Added, Engine, check_colour, edits_note, template
+from homofact.exporting.engines.base import Added, Engine, check_colour, fit_notes, template
 from homofact.exporting.exported import Exported
 from homofact.files.words import in_markdown
 from homofact.rendering.chain_kernels import ggx_kernels
@@ -59,7 +59,7 @@ def _files(made: Exported) -> Added:
         CALLED=called,
         VERSION=__version__,
         ERRORS=light.off(),
-        EDITS=edits_note(made.stored.provenance),
+        NOTES=fit_notes(made),
     )
     texels = _exr(light.texels)
     return Added({DOCUMENT: _document(made, called, files), CODE: code, TABLE: texels, "README.md": words}, light=light)

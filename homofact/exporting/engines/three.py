@@ -16,7 +16,7 @@ import numpy as np
 
 from homofact.exporting.as_source import knows_no_azimuth
 from homofact.exporting.engine_light import engine_light
-from homofact.exporting.engines.base import Added, Engine, check_colour, edits_note, rgba, template, template_text
+from homofact.exporting.engines.base import Added, Engine, check_colour, fit_notes, rgba, template, template_text
 from homofact.exporting.exported import Exported
 from homofact.exporting.gltf_fit import fit_metallic_roughness
 from homofact.files.template import source_digest
@@ -65,7 +65,7 @@ def _files(made: Exported) -> Added:
     }
     names = {
         "NAME": in_markdown(called), "PACKAGE": package["name"], "VERSION": __version__, "ERRORS": light.off(),
-        "EDITS": edits_note(made.stored.provenance),
+        "NOTES": fit_notes(made),
     }  # fmt: skip
     return Added(
         {
