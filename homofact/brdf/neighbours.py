@@ -5,14 +5,14 @@
 them, so that the surface has no steps. A slight ridge holds the plane, since neighbours may lie on one line, and the
 result stays within the values of the neighbours.
 
-Isotropic samples stand at (√θh cos 2φd, √θh sin 2φd, θd), scaled to 1: the root spreads the highlight, φd is folded to
-[0, π/2], and all of it meets at θh = 0, where φd is undefined. Anisotropic ones stand at their `brdf.places`.
+Isotropic samples stand at (√θh cos κψ, √θh sin κψ, θd), scaled to 1, with ψ = 2φd folded to [0, π]: the root spreads
+the highlight, and all φd meet at θh = 0, where φd is undefined. κ is how much φd counts. Near the mirror direction most
+materials hardly depend on φd, and a gonioreflectometer often scans a highlight finely in the plane of incidence only;
+with a small κ the highlight beside this plane is known from the scan. Of `TURNS`, κ is the one by which each sample is
+predicted best from the others. Anisotropic samples stand at their `brdf.places`.
 
 Three further readings of the same samples tell how sure the first one is: by each half of the samples, and by `MORE` of
-them. A gonioreflectometer often scans a highlight finely in the plane of incidence (φd = 0) and coarsely elsewhere, so
-beside this plane no reading knows the highlight. There, the values of a `round_lobe` are as likely: those of the
-nearest samples if φd counts only by `_LIGHT_TURN`. A pair is beyond the samples where the nearest one is farther off
-than samples are from each other.
+them. A pair is beyond the samples where the nearest one is farther off than samples are from each other.
 """
 
 import math
@@ -32,8 +32,9 @@ from homofact.linear.kernels import kernel
 NEAREST, MORE = 12, 24
 # A pair's nearest sample may be so many times as far as all but a tenth of the samples are from their neighbours.
 FARTHEST, MOST_SAMPLES, THEIR_NEIGHBOURS = 1.5, 0.9, 4
+TURNS = (1.0, 0.5, 0.25, 0.1)  # κ
 _RIDGE = 1e-2
-_LIGHT_TURN, _NEARER = 0.1, 0.7
+_MOST_PREDICTED = 20_000  # samples for which κ is chosen
 _SEED = 20261124
 
 
@@ -44,13 +45,10 @@ class Interpolated:
     Attributes
     ----------
     readings : (N, C) BRDF values in sr⁻¹ each, the best first; 0 where a direction is under the horizon.
-    round_lobe : (N, C) the same of a lobe round the normal, equal to the first reading where samples of the pair's own
-        φd are near; None of anisotropic samples.
     beyond : (N,) whether no sample is near.
     """
 
     readings: tuple[Tensor, ...]
-    round_lobe: Tensor | None
     beyond: Tensor
 
 
@@ -62,6 +60,12 @@ def interpolated(samples: Samples, epsilon: float, wi: Tensor, wo: Tensor) -> In
     spacing = np.asarray(tree.query(tree.data, k=min(1 + THEIR_NEIGHBOURS, len(samples)))[0])[:, -1]
     above = ((wi[:, 2] >= 0) & (wo[:, 2] >= 0))[:, None]
     place = _places(wi.double(), wo.double(), samples.isotropic)
+    # Whether a sample is near is asked with φd in full: what was measured in one plane is unknown beside it.
+    beyond = np.asarray(tree.query(place, k=1)[0]) > FARTHEST * np.quantile(spacing, MOST_SAMPLES)
+    turn = _best_turn(samples, logs) if samples.isotropic else 1.0
+    if turn != 1:
+        tree = tree_of(_places(samples.wi.cpu(), samples.wo.cpu(), True, turn))
+        place = _places(wi.double(), wo.double(), True, turn)
     distance, near = (
         each.reshape(len(place), -1) for each in map(np.asarray, tree.query(place, k=min(MORE, len(samples))))
     )
@@ -71,20 +75,24 @@ def interpolated(samples: Samples, epsilon: float, wi: Tensor, wo: Tensor) -> In
         _planes(place, np.ascontiguousarray(tree.data), logs, distance, near, kept, number, _RIDGE)
         for kept, number in ((everything, NEAREST), (half, NEAREST), (~half, NEAREST), (everything, MORE))
     ]
-    if samples.isotropic:
-        turned = tree_of(_places(samples.wi.cpu(), samples.wo.cpu(), True, _LIGHT_TURN))
-        place = _places(wi.double(), wo.double(), True, _LIGHT_TURN)
-        nearer, others = (
-            each.reshape(len(place), -1) for each in map(np.asarray, turned.query(place, k=min(MORE, len(samples))))
-        )
-        points = np.ascontiguousarray(turned.data)
-        found = _planes(place, points, logs, nearer, others, everything, NEAREST, _RIDGE)
-        elsewhere = (nearer[:, 0] < _NEARER * distance[:, 0])[:, None]
-        readings.append(np.where(elsewhere, found, readings[0]))
-    values = [torch.where(above, transform.inverse(torch.from_numpy(each)), 0.0) for each in readings]
-    round_lobe = values.pop() if samples.isotropic else None
-    beyond = distance[:, 0] > FARTHEST * np.quantile(spacing, MOST_SAMPLES)
-    return Interpolated(tuple(values), round_lobe, torch.from_numpy(beyond))
+    values = (transform.inverse(torch.from_numpy(each)) for each in readings)
+    return Interpolated(tuple(torch.where(above, each, 0.0) for each in values), torch.from_numpy(beyond))
+
+
+def _best_turn(samples: Samples, logs: np.ndarray) -> float:
+    """The κ of `TURNS` by which the samples' logs (N, C) are predicted best, each from the others."""
+    if len(samples) <= NEAREST:
+        return 1.0
+    step = -(-len(samples) // _MOST_PREDICTED)
+    everything, errors = np.ones(len(samples), dtype=bool), []
+    for turn in TURNS:
+        points = _places(samples.wi.cpu(), samples.wo.cpu(), True, turn)
+        asked = np.ascontiguousarray(points[::step])
+        # The nearest one is the sample itself.
+        distance, near = (np.ascontiguousarray(each[:, 1:]) for each in tree_of(points).query(asked, k=1 + NEAREST))
+        found = _planes(asked, points, logs, distance, near, everything, NEAREST, _RIDGE)
+        errors.append(float(((found - logs[::step]) ** 2).mean()))
+    return TURNS[int(np.argmin(errors))]
 
 
 @kernel()
@@ -157,14 +165,11 @@ def _planes(place, points, logs, distance, near, kept, number, ridge):
 
 
 def _places(wi: Tensor, wo: Tensor, isotropic: bool, turn: float = 1.0) -> np.ndarray:
-    """Where pairs of directions stand among the samples, (N, 3) or (N, 5), as the module's head defines it.
-
-    `turn` multiplies the folded φd of isotropic samples.
-    """
+    """Where pairs of directions stand among the samples, (N, 3) or (N, 5), as the module's head says; `turn` is κ."""
     if not isotropic:
         return half_places(wi, wo, False).cpu().numpy()
     theta_h, theta_d, phi_d = rusinkiewicz_angles(wi, wo)
     root = (theta_h / (math.pi / 2)).sqrt()
-    angle = turn * torch.acos(torch.cos(2 * phi_d).clamp(-1, 1)) if turn != 1 else 2 * phi_d
+    angle = turn * torch.acos(torch.cos(2 * phi_d).clamp(-1, 1))
     scaled = theta_d / (math.pi / 2)
     return torch.stack((root * torch.cos(angle), root * torch.sin(angle), scaled), 1).cpu().numpy()

@@ -37,7 +37,7 @@ def round_ticks(low: float, high: float, fewest: int = 3, most: int = 7) -> list
 
 def plain_number(value: float) -> str:
     """Return the number of a tick, at least 0, as people write it: 0, 0.02, 500, and powers of ten beyond that."""
-    if value == 0 or 1e-4 <= value < 1e5:
+    if value == 0 or 1e-4 <= value < 1e6:
         return f"{value:.10f}".rstrip("0").rstrip(".")
     exponent = math.floor(math.log10(value) + 1e-9)
     digit = value / 10.0**exponent

@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+from homofact.brdf.pair_density import scheme_of
 from homofact.brdf.samples import Samples
 from homofact.errors import Report, Status
 from homofact.factor.confidence import with_deviations
@@ -39,7 +40,8 @@ _LEAST_OVER_CLIPPED = 1e-4
 # Textures cancel each other if the texels of one span so many times as much as the logarithms of the samples. Then a
 # stronger ridge keeps them small: of 1e-7 to 1e-3, tried on paints of few samples, 1e-5 is the strongest that leaves
 # the held-out errors as they are, and 8 bits hold its texels (docs/export.md). It is not taken if it multiplies the
-# squared residual by `_MOST_LOSS`: then the samples, which may be those of a model, determine the large texels.
+# squared residual by `_MOST_LOSS`: then the samples determine the large texels. Those drawn from a table or a model do,
+# and as many as are asked for.
 _CANCELLING, _STRONGER_RIDGE, _MOST_LOSS = 4.0, 1e-5, 1.25
 _FINE_SHARE = 0.5  # of the search's effort, once more for refining and smoothing at full size
 
@@ -177,6 +179,7 @@ def _solved(
 ) -> tuple[Solved, tuple[Term, ...], dict[str, float] | None]:
     """(the linear solve, the terms, how the light was kept): solved again where they exceed what is known beyond."""
     data, transform, attempt, ridge = material.data, material.transform, 0, RELATIVE_RIDGE
+    measured = scheme_of(material.given) is None
 
     def with_ridge(ridge: float) -> tuple[Solved, tuple[Term, ...], dict[str, float] | None]:
         solved = solve_terms(data.judged, mix.projections, shapes, smoothing, settings.solver, ridge)
@@ -186,7 +189,7 @@ def _solved(
 
     while True:
         solved, terms, light = with_ridge(ridge)
-        if ridge == RELATIVE_RIDGE and _cancel(terms, data.logs):
+        if measured and ridge == RELATIVE_RIDGE and _cancel(terms, data.logs):
             held = with_ridge(_STRONGER_RIDGE)
             if _misfit(data.judged, held[1]) < _MOST_LOSS * _misfit(data.judged, terms):
                 (solved, terms, light), ridge = held, _STRONGER_RIDGE

@@ -147,7 +147,7 @@ def _asked(axes: Axes, distinct: tuple[MaterialPlan, ...], is_trusted: bool) -> 
     # The key stands above the highest point.
     log_y(axes, min(errors) / 1.8, max(errors) * (max(errors) / min(errors)) ** 0.3 * 1.8, fewest=3)
     axes.set_xlabel("bytes of one material")
-    trusted = f"\n(within it, but not trusted: {UNTRUSTED:g})" if is_trusted else ""
+    trusted = f"\n(drawn at {UNTRUSTED:g} if within it, but not trusted)" if is_trusted else ""
     axes.set_ylabel(f"error over tolerance, margin included{trusted}")
     axes.set_title("Candidates that were tried", fontsize=9.5)
     axes.spines[["top", "right"]].set_visible(False)

@@ -4,27 +4,24 @@
 
 A material is a diffuse base under one or two GGX lobes, drawn at random. It is scanned as gonioreflectometers often do:
 coarsely over the hemisphere, and finely about the mirror direction in the plane of incidence, with 1% of noise. Its fit
-by `search` is looked at as the verdict does (`homofact.evaluation.artefacts`): against the samples, with and without
-a round lobe as a possible reading (`homofact.brdf.neighbours`), and against the material itself. A finding is false
-if none of its kind is found against the material. Then artefacts of every kind are planted on fits without a finding
-(`scripts.verdict.planted_artefacts`), to count how many each way finds.
+by `search` is looked at as the verdict does (`homofact.evaluation.artefacts`): against the samples, interpolated with
+φd in full and with the κ that predicts them best (`homofact.brdf.neighbours`), and against the material itself. A
+finding is false if none of its kind is found against the material. Then artefacts of every kind are planted on fits
+without a finding (`scripts.verdict.planted_artefacts`), to count how many each way finds.
 """
 
 import sys
-from dataclasses import replace
 from pathlib import Path
-from typing import Any
 from unittest.mock import patch
 
 import numpy as np
 import torch
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+from homofact.brdf import neighbours
 from homofact.brdf.analytic.ggx import GgxBrdf, GgxLobe
-from homofact.brdf.neighbours import Interpolated, interpolated
 from homofact.brdf.samples import Samples
 from homofact.brdf.source import Source
-from homofact.evaluation.artefacts import look
 from homofact.evaluation.artefacts.look import SourcePictures
 from homofact.linear.threads import one_thread
 from homofact.methods.search import Search
@@ -33,7 +30,7 @@ from scripts.verdict.planted_artefacts import KINDS, drawn_artefact
 
 BYTES, NOISE, EPSILON = 6144, 0.01, 0.01
 DIFFERS, OF_PIXELS = 0.05, 0.01
-WAYS = ("without a round lobe", "with it")
+WAYS = ("in full", "chosen")
 
 
 def scan(material: GgxBrdf, generator: np.random.Generator) -> Samples:
@@ -61,14 +58,9 @@ def drawn_material(generator: np.random.Generator) -> GgxBrdf:
     return GgxBrdf(base, tuple(lobes))
 
 
-def without_round_lobe(*given: Any) -> Interpolated:
-    """The interpolation of `given` with nothing but its readings."""
-    return replace(interpolated(*given), round_lobe=None)
-
-
 def pictures_of(samples: Samples, way: str) -> SourcePictures:
     """The pictures of samples by one of `WAYS`."""
-    with patch.object(look, "interpolated", interpolated if way == WAYS[1] else without_round_lobe):
+    with patch.object(neighbours, "TURNS", neighbours.TURNS if way == WAYS[1] else neighbours.TURNS[:1]):
         return SourcePictures(samples)
 
 
@@ -113,8 +105,8 @@ def main(arguments: list[str] | None = None) -> int:
     rows = [(way, count, some, false) for way, (some, false) in found.items()]
     seen = [(way, kind, visible, caught) for (way, kind), (visible, caught) in planted.items()]
     tables = [
-        markdown(("interpolation", "fits", "with a finding", "with a false one"), rows),
-        markdown(("interpolation", "planted", "visible", "found"), seen, 2),
+        markdown(("φd counts", "fits", "with a finding", "with a false one"), rows),
+        markdown(("φd counts", "planted", "visible", "found"), seen, 2),
     ]
     return finish(tables, chosen)
 

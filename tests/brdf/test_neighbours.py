@@ -1,12 +1,11 @@
 """Quick interpolation of scattered samples: what is linear comes back, nothing leaves the samples' values."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import torch
 from torch import Tensor
 
+from homofact.brdf import neighbours
 from homofact.brdf.analytic.ggx import GgxBrdf, GgxLobe
 from homofact.brdf.materials import material
 from homofact.brdf.neighbours import interpolated
@@ -57,7 +56,7 @@ def test_the_halves_are_no_better_than_the_whole() -> None:
     assert one != two
 
 
-def test_a_highlight_that_was_scanned_in_one_plane_is_a_round_lobe_beside_it() -> None:
+def test_a_highlight_that_was_scanned_in_one_plane_is_known_beside_it() -> None:
     lobe = GgxBrdf((0.05,) * 3, (GgxLobe((1.0,) * 3, 0.06, 0.045),))
     coarse = [(i, o, p) for i in range(0, 71, 10) for o in range(0, 81, 5) for p in range(0, 181, 15)]
     fine = [(i, i + off, 180) for i in range(10, 71, 10) for off in np.arange(-6, 6.1, 0.5)]
@@ -70,15 +69,21 @@ def test_a_highlight_that_was_scanned_in_one_plane_is_a_round_lobe_beside_it() -
     query = from_spherical(beside[:, 0], 0 * beside[:, 0]), from_spherical(beside[:, 1], beside[:, 2])
     true = float(lobe.evaluate(*query)[0, 0])
     found = interpolated(samples, 0.01, *query)
-    assert found.round_lobe is not None
-    assert float(found.readings[0][0, 0]) < 0.5 * true
-    assert 0.7 * true < float(found.round_lobe[0, 0]) < 1.5 * true
-    # A pair among samples of its own φd is known from these.
-    own = interpolated(samples, 0.01, wi, wo)
-    assert own.round_lobe is not None
-    assert torch.equal(own.round_lobe, own.readings[0])
-    turned = replace(samples, isotropic=False)
-    assert interpolated(turned, 0.01, *query).round_lobe is None
+    assert 0.7 * true < float(found.readings[0][0, 0]) < 1.5 * true
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(neighbours, "TURNS", (1.0,))
+        assert float(interpolated(samples, 0.01, *query).readings[0][0, 0]) < 0.5 * true
+
+
+def test_what_depends_on_the_azimuth_difference_is_read_with_it_in_full() -> None:
+    wi, wo = pairs(4000, 0)
+    _, _, phi_d = rusinkiewicz_angles(wi, wo)
+    samples = Samples(wi, wo, torch.exp(2 * torch.cos(2 * phi_d))[:, None].expand(-1, 3), isotropic=True)
+    logs = samples.values.log().numpy()
+    assert neighbours._best_turn(samples, logs) == 1
+    # Without it, a small κ would take samples of all azimuths for neighbours.
+    theta_h = torch.exp(-3 * rusinkiewicz_angles(wi, wo)[0])[:, None].expand(-1, 3)
+    assert neighbours._best_turn(samples, theta_h.log().numpy()) < 1
 
 
 def test_what_is_far_from_all_samples_is_beyond() -> None:

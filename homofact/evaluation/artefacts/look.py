@@ -111,12 +111,11 @@ class SourcePictures:
         samples = source if isinstance(source, Samples) else source.samples
         self.to_rgb = display_of(samples.channels)
         if isinstance(source, Source) and not made_of_samples(source.reflectance):
-            readings, possible, beyond = [self.draw(source.reflectance)], [], None
+            readings, beyond = [self.draw(source.reflectance)], None
         else:
             epsilon = measured_epsilon(samples) if isinstance(source, Samples) else source.default_epsilon
             found = interpolated(samples, epsilon, *_pairs())
             readings = [self.in_colour(values) for values in found.readings]
-            possible = [] if found.round_lobe is None else [self.in_colour(found.round_lobe)]
             beyond = found.beyond.to(torch.float64)[:, None]
         self.shown: list[Shown] = []
         left_out = []
@@ -131,9 +130,7 @@ class SourcePictures:
             for choose, curve in _EXPOSURES[view.name]:
                 exposure = choose(image)
                 pictures = [_encoded(each, view, exposure, curve) for each in several]
-                others = [_encoded(view.radiance(values[part]), view, exposure, curve) for values in possible]
-                bounds = SourceRange.of(pictures, known, others)
-                self.shown.append(Shown(view, exposure, curve, pictures[0], bounds))
+                self.shown.append(Shown(view, exposure, curve, pictures[0], SourceRange.of(pictures, known)))
         self.left_out = float(np.mean(left_out))
 
     def draw(self, reflectance: Reflectance) -> Tensor:

@@ -8,7 +8,7 @@ neighbouring pixel. What of the fit's band lies outside this range is structure 
 range always holds 0: a fit that merely lacks structure of its source, such as the instrument's noise, has no artefact.
 
 If the source consists only of samples, there are pictures of several interpolations. The range then covers all of
-them, widened by their differences, and what else is `possible`, which does not widen it further.
+them, widened by their differences.
 """
 
 from collections.abc import Callable, Sequence
@@ -33,18 +33,15 @@ class SourceRange:
     bounds: tuple[tuple[np.ndarray, np.ndarray], ...]
 
     @classmethod
-    def of(
-        cls, readings: Sequence[np.ndarray], inside: np.ndarray, possible: Sequence[np.ndarray] = ()
-    ) -> "SourceRange":
+    def of(cls, readings: Sequence[np.ndarray], inside: np.ndarray) -> "SourceRange":
         """That of the source's encoded pictures (H, W, 3), of which the first is the best."""
-        count = len(readings)
-        banded = [bands(reading, inside) for reading in (*readings, *possible)]
+        banded = [bands(reading, inside) for reading in readings]
         bounds = []
         for (inner, _), *parts in zip(BANDS, *banded, strict=True):
             size = 2 * max(1, round(REACH * inner)) + 1
             low = np.min([_filtered(ndimage.minimum_filter, part, inside, size, np.inf) for part in parts], 0)
             high = np.max([_filtered(ndimage.maximum_filter, part, inside, size, -np.inf) for part in parts], 0)
-            apart = np.max(parts[:count], 0) - np.min(parts[:count], 0)
+            apart = np.max(parts, 0) - np.min(parts, 0)
             doubt = _filtered(ndimage.maximum_filter, apart, inside, 2 * size + 1, -np.inf)
             low, high = np.minimum(low, 0.0), np.maximum(high, 0.0)
             bounds.append(((1 + STRETCH) * low - doubt, (1 + STRETCH) * high + doubt))
