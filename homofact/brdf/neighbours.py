@@ -81,8 +81,11 @@ def interpolated(samples: Samples, epsilon: float, wi: Tensor, wo: Tensor) -> In
 
 def _best_turn(samples: Samples, logs: np.ndarray) -> float:
     """The κ of `TURNS` by which the samples' logs (N, C) are predicted best, each from the others."""
-    if len(samples) <= NEAREST:
-        return 1.0
+    return 1.0 if len(samples) <= NEAREST else TURNS[int(np.argmin(_prediction_errors(samples, logs)))]
+
+
+def _prediction_errors(samples: Samples, logs: np.ndarray) -> list[float]:
+    """By κ of `TURNS`: the mean squared error of logs (N, C), each predicted from the samples nearest to it."""
     step = -(-len(samples) // _MOST_PREDICTED)
     everything, errors = np.ones(len(samples), dtype=bool), []
     for turn in TURNS:
@@ -92,7 +95,7 @@ def _best_turn(samples: Samples, logs: np.ndarray) -> float:
         distance, near = (np.ascontiguousarray(each[:, 1:]) for each in tree_of(points).query(asked, k=1 + NEAREST))
         found = _planes(asked, points, logs, distance, near, everything, NEAREST, _RIDGE)
         errors.append(float(((found - logs[::step]) ** 2).mean()))
-    return TURNS[int(np.argmin(errors))]
+    return errors
 
 
 @kernel()

@@ -151,6 +151,19 @@ def test_a_plan_that_is_damaged_or_names_other_folders_is_passed_over(choice: Pa
     assert given_fit(tmp_path / "1-paint").near == (tmp_path / "1-paint",)
 
 
+def test_an_export_carries_the_verdict_on_its_fit(result: Path, tmp_path: Path) -> None:
+    homofact.export(result, tmp_path / "engine", engine="three")
+    verdict = homofact.info(result).facts["verdict"]
+    assert json.loads((tmp_path / "engine" / "manifest.json").read_text())["verdict"] == verdict
+    assert homofact.info(tmp_path / "engine").facts["verdict"] == verdict
+    readme = (tmp_path / "engine" / "README.md").read_text()
+    assert verdict["summary"].split(";")[0] in readme
+    # A fit without a verdict has none.
+    homofact.export(open_result(result), tmp_path / "bare", engine="three")
+    assert "verdict" not in json.loads((tmp_path / "bare" / "manifest.json").read_text())
+    assert "homofact's verdict" not in (tmp_path / "bare" / "README.md").read_text()
+
+
 def test_a_result_in_no_plan_has_no_entry(result: Path) -> None:
     assert plan_entry(result) is None
     assert plan_entry(result / "manifest.json") is None

@@ -84,6 +84,9 @@ def test_what_depends_on_the_azimuth_difference_is_read_with_it_in_full() -> Non
     # Without it, a small κ would take samples of all azimuths for neighbours.
     theta_h = torch.exp(-3 * rusinkiewicz_angles(wi, wo)[0])[:, None].expand(-1, 3)
     assert neighbours._best_turn(samples, theta_h.log().numpy()) < 1
+    # A sample does not predict itself: of noise nothing is predicted.
+    noise = np.random.default_rng(0).standard_normal((4000, 3))
+    assert min(neighbours._prediction_errors(samples, noise)) > 1
 
 
 def test_what_is_far_from_all_samples_is_beyond() -> None:

@@ -64,7 +64,7 @@ def test_the_smallest_representation_that_is_trusted_is_chosen(fits: MaterialFit
     assert found.walk.choice.most_bytes(3) >= 150
     smaller = {each: one for each, one in found.walk.asked.items() if each.most_bytes(3) < 150}
     assert smaller
-    assert {(one.error, one.trusted) for one in smaller.values()} == {(UNTRUSTED, False)}
+    assert {(one.error, one.trusted, one.excess) for one in smaller.values()} == {(UNTRUSTED, False, 0.0)}
     without = planned(judged(fits, 150), replace(WIDE, trusted=False))
     assert without.walk.choice is not None
     assert without.walk.choice.is_colour
