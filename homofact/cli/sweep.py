@@ -92,7 +92,7 @@ def summary_table(rows: "Sequence[FitRow]") -> Table:
     """Return a line a method: how many fits, and medians over them."""
     from homofact.sweeps.summary import by_label, middle
 
-    table = plain_table("Medians over all materials and seeds")
+    table = plain_table("Medians over all materials and seeds (albedo, peak: the factor off)")
     add_names(table)
     add_figures(table, "fits", "trusted", "bytes", "fit, s", "log mse", "albedo", "peak", "sky dB")
     for label, some in by_label(rows).items():

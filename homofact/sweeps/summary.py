@@ -6,7 +6,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from homofact.evaluation.metric_table import REPORTED
+from homofact.evaluation.metric_table import METRICS, REPORTED
 from homofact.sweeps.ledger import Result, SweepLedger
 
 
@@ -88,12 +88,17 @@ def without_light(rows: Iterable[FitRow]) -> tuple[str, ...]:
 
 
 def middle(rows: Sequence[FitRow], name: str) -> float | None:
-    """Return the median of a metric over those rows that have it."""
+    """Return the median of a metric over those rows that have it.
+
+    Of a ratio that should be 1, it is the median of its distance from 1, as a factor of 1 or more: fits that are too
+    dark and too bright do not cancel.
+    """
+    metric = METRICS[name]
     values = [value for row in rows if (value := row.metrics[name]) is not None]
-    return median(values) if values else None
+    return median(map(metric.badness, values) if metric.good == "one" else values) if values else None
 
 
 def summary_records(rows: Sequence[FitRow]) -> dict[str, dict[str, float | None]]:
-    """By method the median of every metric."""
+    """By method the median of every metric, as `middle` has it."""
     names = [metric.name for metric in REPORTED]
     return {label: {name: middle(some, name) for name in names} for label, some in by_label(rows).items()}

@@ -252,3 +252,17 @@ def test_estimated_limits_beyond_a_good_fit_are_called_wide() -> None:
     assert trust_in_words(True, "as it is", wide=True) == "trusted, with wide limits; as it is"
     # A saved sentence that has its first words stays as it is.
     assert trust_in_words(True, "trusted, with wide limits; as it is") == "trusted, with wide limits; as it is"
+
+
+@pytest.mark.parametrize(
+    ("kind", "rate", "words"),
+    [
+        (BarKind.RIGHT, 0.9, "true for eight to nine of ten such fits"),
+        (BarKind.RIGHT, 0.8, "true for about eight of ten such fits"),
+        (BarKind.FAULT, 0.9, "true for about eight of ten such fits"),
+        (BarKind.FAULT, 0.8, "true for seven to eight of ten such fits"),
+    ],
+)
+def test_a_sentence_claims_no_more_than_held_in_the_calibration(kind: BarKind, rate: float, words: str) -> None:
+    bars = tuple(ErrorBar(name, kind, 0.1, rate, (0.0, 75.0), "the samples look faulty") for name in QUANTITIES)
+    assert words in ErrorBars(bars).sentence()

@@ -48,6 +48,12 @@ def test_the_middle_of_rows_is_their_median_without_those_that_have_none() -> No
     assert middle(rows[1:2], "mae") is None
 
 
+def test_ratios_that_should_be_one_do_not_cancel() -> None:
+    rows: Any = [SimpleNamespace(metrics={"albedo_worst": value}) for value in (0.5, 1.0, 2.0, None)]
+    assert middle(rows, "albedo_worst") == 2.0
+    assert middle(rows[:2], "albedo_worst") == 1.5
+
+
 def links(page: Path) -> list[Path]:
     """The files that a page leads to, with what it shows."""
     found = re.findall(r"(?:href|src)=[\"']([^\"'#]+)", page.read_text(encoding="utf-8"))

@@ -227,7 +227,7 @@ class ErrorBars:
         given = "if the samples are right"
         if self.kind is BarKind.FAULT:
             given = f"{stated[0].reason}, so these limits are wider"
-        return f"{given}: {said}; true for {_often(stated[0].rate)} such fits{beyond}"
+        return f"{given}: {said}; true for {_often(self.kind, stated[0].rate)} such fits{beyond}"
 
     def by_angle_sentence(self) -> str:
         """Return at which angles of incidence the fit is good and at which bad, in a sentence.
@@ -312,8 +312,13 @@ def percent(error: float) -> str:
 
 
 # As often as they held on cases that the calibration had not seen (docs/verdict.md).
-_TENTHS = {9.0: "eight to nine of ten", 8.0: "about eight of ten"}
+_OFTEN = {
+    (BarKind.RIGHT, 9.0): "eight to nine of ten",
+    (BarKind.RIGHT, 8.0): "about eight of ten",
+    (BarKind.FAULT, 9.0): "about eight of ten",
+    (BarKind.FAULT, 8.0): "seven to eight of ten",
+}
 
 
-def _often(rate: float) -> str:
-    return _TENTHS.get(round(10 * rate, 6), f"{rate:.0%} of")
+def _often(kind: BarKind, rate: float) -> str:
+    return _OFTEN.get((kind, round(10 * rate, 6)), f"{rate:.0%} of")
