@@ -5,36 +5,29 @@
 them, so that the surface has no steps. A slight ridge holds the plane, since neighbours may lie on one line, and the
 result stays within the values of the neighbours.
 
-Isotropic samples stand at (√θh cos κψ, √θh sin κψ, θd), scaled to 1, with ψ = 2φd folded to [0, π]: the root spreads
-the highlight, and all φd meet at θh = 0, where φd is undefined. κ is how much φd counts. Near the mirror direction most
-materials hardly depend on φd, and a gonioreflectometer often scans a highlight finely in the plane of incidence only;
-with a small κ the highlight beside this plane is known from the scan. Of `TURNS`, κ is the one by which each sample is
-predicted best from the others. Anisotropic samples stand at their `brdf.places`.
+Samples stand at their `brdf.places`, φd of isotropic ones at the weight `READ_AZIMUTH`.
 
 Three further readings of the same samples tell how sure the first one is: by each half of the samples, and by `MORE` of
 them. A pair is beyond the samples where the nearest one is farther off than samples are from each other.
 """
 
-import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from homofact.brdf.log_transform import LogTransform
-from homofact.brdf.places import half_places
+from homofact.brdf.places import READ_AZIMUTH, half_places
 from homofact.brdf.samples import Samples
-from homofact.geometry.coordinates import rusinkiewicz_angles
 from homofact.geometry.nearest import tree_of
 from homofact.linear.kernels import kernel
 
 NEAREST, MORE = 12, 24
 # A pair's nearest sample may be so many times as far as all but a tenth of the samples are from their neighbours.
 FARTHEST, MOST_SAMPLES, THEIR_NEIGHBOURS = 1.5, 0.9, 4
-TURNS = (1.0, 0.5, 0.25, 0.1)  # κ
 _RIDGE = 1e-2
-_MOST_PREDICTED = 20_000  # samples for which κ is chosen
 _SEED = 20261124
 
 
@@ -56,16 +49,12 @@ def interpolated(samples: Samples, epsilon: float, wi: Tensor, wo: Tensor) -> In
     """Return the values of `samples` at pairs of directions (N, 3), by the ε of the logarithm."""
     transform = LogTransform.of_values(samples.values.cpu(), epsilon)
     logs = transform.forward(samples.values.cpu()).numpy()
-    tree = tree_of(_places(samples.wi.cpu(), samples.wo.cpu(), samples.isotropic))
-    spacing = np.asarray(tree.query(tree.data, k=min(1 + THEIR_NEIGHBOURS, len(samples)))[0])[:, -1]
     above = ((wi[:, 2] >= 0) & (wo[:, 2] >= 0))[:, None]
-    place = _places(wi.double(), wo.double(), samples.isotropic)
+    tree, place = _placed(samples, wi, wo, 1.0)
+    spacing = np.asarray(tree.query(tree.data, k=min(1 + THEIR_NEIGHBOURS, len(samples)))[0])[:, -1]
     # Whether a sample is near is asked with φd in full: what was measured in one plane is unknown beside it.
     beyond = np.asarray(tree.query(place, k=1)[0]) > FARTHEST * np.quantile(spacing, MOST_SAMPLES)
-    turn = _best_turn(samples, logs) if samples.isotropic else 1.0
-    if turn != 1:
-        tree = tree_of(_places(samples.wi.cpu(), samples.wo.cpu(), True, turn))
-        place = _places(wi.double(), wo.double(), True, turn)
+    tree, place = _placed(samples, wi, wo, READ_AZIMUTH)
     distance, near = (
         each.reshape(len(place), -1) for each in map(np.asarray, tree.query(place, k=min(MORE, len(samples))))
     )
@@ -77,25 +66,6 @@ def interpolated(samples: Samples, epsilon: float, wi: Tensor, wo: Tensor) -> In
     ]
     values = (transform.inverse(torch.from_numpy(each)) for each in readings)
     return Interpolated(tuple(torch.where(above, each, 0.0) for each in values), torch.from_numpy(beyond))
-
-
-def _best_turn(samples: Samples, logs: np.ndarray) -> float:
-    """The κ of `TURNS` by which the samples' logs (N, C) are predicted best, each from the others."""
-    return 1.0 if len(samples) <= NEAREST else TURNS[int(np.argmin(_prediction_errors(samples, logs)))]
-
-
-def _prediction_errors(samples: Samples, logs: np.ndarray) -> list[float]:
-    """By κ of `TURNS`: the mean squared error of logs (N, C), each predicted from the samples nearest to it."""
-    step = -(-len(samples) // _MOST_PREDICTED)
-    everything, errors = np.ones(len(samples), dtype=bool), []
-    for turn in TURNS:
-        points = _places(samples.wi.cpu(), samples.wo.cpu(), True, turn)
-        asked = np.ascontiguousarray(points[::step])
-        # The nearest one is the sample itself.
-        distance, near = (np.ascontiguousarray(each[:, 1:]) for each in tree_of(points).query(asked, k=1 + NEAREST))
-        found = _planes(asked, points, logs, distance, near, everything, NEAREST, _RIDGE)
-        errors.append(float(((found - logs[::step]) ** 2).mean()))
-    return errors
 
 
 @kernel()
@@ -167,12 +137,8 @@ def _planes(place, points, logs, distance, near, kept, number, ridge):
     return found
 
 
-def _places(wi: Tensor, wo: Tensor, isotropic: bool, turn: float = 1.0) -> np.ndarray:
-    """Where pairs of directions stand among the samples, (N, 3) or (N, 5), as the module's head says; `turn` is κ."""
-    if not isotropic:
-        return half_places(wi, wo, False).cpu().numpy()
-    theta_h, theta_d, phi_d = rusinkiewicz_angles(wi, wo)
-    root = (theta_h / (math.pi / 2)).sqrt()
-    angle = turn * torch.acos(torch.cos(2 * phi_d).clamp(-1, 1))
-    scaled = theta_d / (math.pi / 2)
-    return torch.stack((root * torch.cos(angle), root * torch.sin(angle), scaled), 1).cpu().numpy()
+def _placed(samples: Samples, wi: Tensor, wo: Tensor, azimuth: float) -> tuple[Any, np.ndarray]:
+    """(the tree of the samples' places, the places of pairs of directions (N, 3))."""
+    own = half_places(samples.wi.cpu(), samples.wo.cpu(), samples.isotropic, azimuth)
+    asked = half_places(wi.double(), wo.double(), samples.isotropic, azimuth)
+    return tree_of(own.cpu().numpy()), np.ascontiguousarray(asked.cpu().numpy())

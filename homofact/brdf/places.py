@@ -17,6 +17,8 @@ from torch import Tensor
 from homofact.geometry.coordinates import coordinate_system, rusinkiewicz_angles
 from homofact.geometry.directions import to_spherical
 
+# The weight of φd by which isotropic samples are interpolated (scripts/accuracy/interpolated_samples.py).
+READ_AZIMUTH = 0.5
 _DIFFERENCE, _TURN = 0.5, 0.1  # weights of θd, and of its azimuth (scripts/accuracy/interpolated_samples.py)
 
 

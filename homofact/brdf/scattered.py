@@ -22,7 +22,7 @@ from torch import Tensor
 
 from homofact.brdf.in_kind import answering_in_kind
 from homofact.brdf.log_transform import LogTransform
-from homofact.brdf.places import half_places
+from homofact.brdf.places import READ_AZIMUTH, half_places
 from homofact.brdf.reflectance import Reflectance, innermost
 from homofact.brdf.samples import Samples
 from homofact.errors import BadInput
@@ -31,8 +31,6 @@ if TYPE_CHECKING:
     from scipy.interpolate import RBFInterpolator
 
 GLOBAL_LIMIT = 2000
-# Weight of isotropic φd in these places (scripts/accuracy/interpolated_samples.py).
-_AZIMUTH = 0.5
 
 
 @dataclass(frozen=True)
@@ -107,7 +105,7 @@ class Scattered:
         return len(self.samples) <= GLOBAL_LIMIT
 
     def _place(self, wi: Tensor, wo: Tensor) -> np.ndarray:
-        return half_places(wi, wo, self.samples.isotropic, _AZIMUTH).cpu().numpy()
+        return half_places(wi, wo, self.samples.isotropic, READ_AZIMUTH).cpu().numpy()
 
     @cached_property
     def _transform(self) -> LogTransform:

@@ -146,7 +146,7 @@ def _of_files(files: Sequence[str]) -> None:
             for seed in range(3):
                 training, held_out = samples.split(0.2, seed=seed)
                 tests = held_out.rotated_at_random(seed)
-                scattered._AZIMUTH = weight
+                scattered.READ_AZIMUTH = weight
                 found = _FullAzimuth(training) if weight == _FULL else Scattered(training)
                 values, epsilon = found.evaluate(tests.wi, tests.wo), 1e-2 * training.values.mean(0)
                 apart = torch.log(values + epsilon) - torch.log(tests.values + epsilon)

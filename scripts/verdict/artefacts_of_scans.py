@@ -4,21 +4,18 @@
 
 A material is a diffuse base under one or two GGX lobes, drawn at random. It is scanned as gonioreflectometers often do:
 coarsely over the hemisphere, and finely about the mirror direction in the plane of incidence, with 1% of noise. Its fit
-by `search` is looked at as the verdict does (`homofact.evaluation.artefacts`): against the samples, interpolated with
-φd in full and with the κ that predicts them best (`homofact.brdf.neighbours`), and against the material itself. A
-finding is false if none of its kind is found against the material. Then artefacts of every kind are planted on fits
-without a finding (`scripts.verdict.planted_artefacts`), to count how many each way finds.
+by `search` is looked at as the verdict does (`homofact.evaluation.artefacts`): against the samples, and against the
+material itself. A finding is false if none of its kind is found against the material. Then artefacts of every kind are
+planted on fits without a finding (`scripts.verdict.planted_artefacts`), to count how many are found.
 """
 
 import sys
 from pathlib import Path
-from unittest.mock import patch
 
 import numpy as np
 import torch
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
-from homofact.brdf import neighbours
 from homofact.brdf.analytic.ggx import GgxBrdf, GgxLobe
 from homofact.brdf.samples import Samples
 from homofact.brdf.source import Source
@@ -30,7 +27,6 @@ from scripts.verdict.planted_artefacts import KINDS, drawn_artefact
 
 BYTES, NOISE, EPSILON = 6144, 0.01, 0.01
 DIFFERS, OF_PIXELS = 0.05, 0.01
-WAYS = ("in full", "chosen")
 
 
 def scan(material: GgxBrdf, generator: np.random.Generator) -> Samples:
@@ -58,12 +54,6 @@ def drawn_material(generator: np.random.Generator) -> GgxBrdf:
     return GgxBrdf(base, tuple(lobes))
 
 
-def pictures_of(samples: Samples, way: str) -> SourcePictures:
-    """The pictures of samples by one of `WAYS`."""
-    with patch.object(neighbours, "TURNS", neighbours.TURNS if way == WAYS[1] else neighbours.TURNS[:1]):
-        return SourcePictures(samples)
-
-
 def differs(one: list[np.ndarray], two: list[np.ndarray], pictures: SourcePictures) -> bool:
     """Whether a planted artefact is visible: 1% of the pixels of a picture differ by 5% of white."""
     return any(
@@ -80,33 +70,29 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--seed", type=int, default=0, help="of materials, noise and planted artefacts (%(default)s)")
     chosen = parser.parse_args(arguments)
     generator = np.random.default_rng(chosen.seed)
-    found = {way: [0, 0] for way in WAYS}
-    planted = {(way, kind): [0, 0] for way in WAYS for kind in KINDS}
     count = 2 if chosen.short else chosen.materials
+    found = false = 0
+    planted = {kind: [0, 0] for kind in KINDS}
     for number in range(count):
         material = drawn_material(generator)
         samples = scan(material, generator)
         fit = Search(bytes=BYTES, epsilon=EPSILON).fit(samples).factorization
         exact = SourcePictures(Source("material", "material", samples, material, EPSILON, 0.0))
         true = {each.kind for each in exact.look(exact.pictures(fit)).artefacts}
-        for way in WAYS:
-            pictures = pictures_of(samples, way)
-            clean = pictures.pictures(fit)
-            kinds = {each.kind for each in pictures.look(clean).artefacts}
-            found[way][0] += bool(kinds)
-            found[way][1] += bool(kinds - true)
-            progress(number, way, *(f"{each.value}{'' if each in true else ' (false)'}" for each in kinds))
-            draws = torch.Generator().manual_seed(chosen.seed + number)
-            for kind in KINDS if not kinds else ():
-                bad = pictures.pictures(drawn_artefact(fit, kind, draws))
-                if differs(clean, bad, pictures):
-                    planted[way, kind][0] += 1
-                    planted[way, kind][1] += bool(pictures.look(bad).artefacts)
-    rows = [(way, count, some, false) for way, (some, false) in found.items()]
-    seen = [(way, kind, visible, caught) for (way, kind), (visible, caught) in planted.items()]
+        pictures = SourcePictures(samples)
+        clean = pictures.pictures(fit)
+        kinds = {each.kind for each in pictures.look(clean).artefacts}
+        found, false = found + bool(kinds), false + bool(kinds - true)
+        progress(number, *(f"{each.value}{'' if each in true else ' (false)'}" for each in kinds))
+        draws = torch.Generator().manual_seed(chosen.seed + number)
+        for kind in KINDS if not kinds else ():
+            bad = pictures.pictures(drawn_artefact(fit, kind, draws))
+            if differs(clean, bad, pictures):
+                planted[kind][0] += 1
+                planted[kind][1] += bool(pictures.look(bad).artefacts)
     tables = [
-        markdown(("φd counts", "fits", "with a finding", "with a false one"), rows),
-        markdown(("φd counts", "planted", "visible", "found"), seen, 2),
+        markdown(("fits", "with a finding", "with a false one"), [(count, found, false)], 0),
+        markdown(("planted", "visible", "found"), [(kind, *figures) for kind, figures in planted.items()]),
     ]
     return finish(tables, chosen)
 
