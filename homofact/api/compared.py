@@ -69,8 +69,9 @@ class SourceComparison:
             for row, values in zip(seeds.rows, self.values[label], strict=True):
                 fit, held_out = row.factorization, round(row.split.held_out * row.samples)
                 scheme = scheme_of(self.source.samples)
+                done = "; ".join(_repairs(self.source.samples.provenance))
                 drawn = "as measured" if scheme is None else f"drawn by the scheme {scheme}"
-                sampling = f"{drawn}, split by {listed_seeds(seeds.splits)}"
+                sampling = f"{drawn}, split by {listed_seeds(seeds.splits)}{f'; {done}' if done else ''}"
                 found.append(
                     MeasuredFit(
                         self.source.name, label, row.settings.seed, fit.nbytes, fit.fetches, values,
@@ -134,13 +135,24 @@ class CompareResult:
         return mean_rows(self.measured())
 
     @property
+    def pairs_in_words(self) -> list[str]:
+        """The comparison of the best method with each other one, split by split, in lines; none of one split."""
+        return [
+            f"{source.source.name}: {pair.words}" if len(self.sources) > 1 else pair.words
+            for source in self.sources
+            for pair in source.split_by_split()
+        ]
+
+    @property
     def warnings(self) -> list[str]:
-        """What to beware of in the means: errors with different ε, and deviations of seeds that gave one fit."""
+        """What to beware of: a tilt that was left in, errors with different ε, and seeds that gave one fit."""
         from homofact.evaluation.means import mixed_epsilons, same_fits, without_numbers
 
+        tilts = {each.source.name: each.source.samples.provenance.get("tilt") or {} for each in self.sources}
+        tilted = [f"{name}: {tilt['words']}" for name, tilt in tilts.items() if tilt.get("left_in")]
         measured = self.measured()
         of_means = (mixed_epsilons(measured), without_numbers(measured)) if self.with_means else ()
-        return [line for line in (*of_means, same_fits(measured)) if line]
+        return [line for line in (*tilted, *of_means, same_fits(measured)) if line]
 
     def record(self) -> dict[str, Any]:
         """Return the JSON form."""
@@ -163,6 +175,16 @@ class CompareResult:
                 for row in self.means()
             ]
         return answer | {name: str(file) for name, file in self.files.items()}
+
+
+def _repairs(provenance: Mapping[str, Any]) -> list[str]:
+    """What was done to the samples, a line each; of a tilt only whether it is undone."""
+    from homofact.brdf.quality.mending import mending_lines
+
+    tilt = provenance.get("tilt") or {}
+    ending = "undone" if tilt.get("undone") else "left in"
+    short = {tilt.get("words"): f"{str(tilt.get('words')).partition(': ')[0]}, {ending}"} if tilt else {}
+    return [short.get(line, line) for line in mending_lines(dict(provenance))]
 
 
 def _means(measured: list[dict[str, float | None]]) -> Mapping[str, float | None]:

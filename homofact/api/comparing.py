@@ -100,6 +100,7 @@ def compare(
         raise BadInput(where="by_source", found="no LaTeX table", expected="a file for one (latex)")
     fits = named_methods(methods, settings | {"seed": seed})
 
+    from homofact.brdf.source import with_tilt_looked_at
     from homofact.evaluation.judging import chosen_metrics
     from homofact.evaluation.repeats import asked_seeds, seeds_from, splits_from
 
@@ -111,7 +112,7 @@ def compare(
     drawn = splits_from(seed, splits, held_out)
     work = _Comparison(fits, listed, drawn, held_out, names, refusal, ProgressSteps(progress))
     work.steps.stage("reading")
-    opened = [open_given(one, seed) for one in sources]
+    opened = [with_tilt_looked_at(open_given(one, seed)) for one in sources]
     work.steps.warm_up()
     done, interrupted = work.run(opened, [subset_of(one) for one in sources])
     several = several and len(sources) > 1
@@ -261,7 +262,8 @@ def _write(result: CompareResult, steps: ProgressSteps) -> None:
             plot_rows(place, list(result.rows.values()))
         else:
             fits = result.measured()
-            write_text(place, csv_of(fits) if name == "csv" else latex_of(fits, by_source=result.by_source))
+            text = csv_of(fits) if name == "csv" else latex_of(fits, result.by_source, result.pairs_in_words)
+            write_text(place, text)
 
 
 def _is_samples(source: Any) -> bool:

@@ -32,13 +32,13 @@ _MARK = r"$\dagger$"  # of a method with fits that are not reciprocal
 _DECADES = 4
 
 
-def latex_of(fits: Sequence[MeasuredFit], by_source: bool = False) -> str:
+def latex_of(fits: Sequence[MeasuredFit], by_source: bool = False, notes: Sequence[str] = ()) -> str:
     """Return a tabular for booktabs over all fits: a line per method and bytes with its fetches, a column per metric
     with its unit.
 
     With `by_source`, the lines of each source come first, below its name, and those over all sources last. The numbers
     of a column that are not readable without have one power of ten, in its head, where one serves them. A line below
-    the table marks fits that are not reciprocal; comments name the settings of each method.
+    the table marks fits that are not reciprocal; comments name the settings of each method, and have the `notes`.
     """
     rows = mean_rows(fits)
     metrics = list(rows[0].spreads)
@@ -57,7 +57,7 @@ def latex_of(fits: Sequence[MeasuredFit], by_source: bool = False) -> str:
         f"% homofact {__version__}: mean and standard deviation over the fits to {of}, on held-out samples.",
         *(
             f"% {_comment(line)}"
-            for line in (*sources_in_words(fits), *methods_in_words(fits), same_fits(fits))
+            for line in (*sources_in_words(fits), *methods_in_words(fits), same_fits(fits), *notes)
             if line
         ),
         r"% \usepackage{booktabs}",

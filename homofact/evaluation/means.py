@@ -194,25 +194,28 @@ def without_numbers(fits: Sequence[MeasuredFit]) -> str:
 
 
 def same_fits(fits: Sequence[MeasuredFit]) -> str:
-    """Return a warning if a method gave one and the same fit for all its seeds on one split; else nothing.
+    """Return a warning if a method gave the same fit for all its seeds on every split; else nothing.
 
     Examples
     --------
     >>> same_fits([MeasuredFit("a", "search", seed, 12, 3, {"log_mse": 0.1}, 1, 9, 2) for seed in (0, 1)])
     'search: all seeds gave the same fit, so ± 0 tells nothing of how such fits scatter; for that give `splits=5`'
     """
-    if len({fit.split_seed for fit in fits}) > 1:
-        return ""
-    numbers: dict[tuple[str, str], list[tuple[float | None, ...]]] = {}
+    numbers: dict[tuple[str, str], dict[int, list[tuple[float | None, ...]]]] = {}
     for fit in fits:
-        numbers.setdefault((fit.method, fit.source), []).append((fit.nbytes, *fit.values.values()))
+        own = numbers.setdefault((fit.method, fit.source), {}).setdefault(fit.split_seed, [])
+        own.append((fit.nbytes, *fit.values.values()))
     alike: dict[str, list[str]] = {}
-    for (method, source), own in numbers.items():
-        if len(own) > 1 and len(set(own)) == 1:
+    several = len({fit.split_seed for fit in fits}) > 1
+    for (method, source), by_split in numbers.items():
+        alone = all(len(own) > 1 and len(set(own)) == 1 for own in by_split.values())
+        if alone and (len(by_split) > 1) is several:
             alike.setdefault(method, []).append(source)
     sources = len({fit.source for fit in fits})
     named = [method + (f" on {', '.join(own)}" if len(own) < sources else "") for method, own in alike.items()]
     same = "all seeds gave the same fit, so ± 0 tells nothing of how such fits scatter; for that give `splits=5`"
+    if several:
+        same = "all seeds gave the same fits, so their deviation is that of the splits alone"
     return f"{'; '.join(named)}: {same}" if named else ""
 
 

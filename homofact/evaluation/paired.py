@@ -49,6 +49,22 @@ class MethodPair:
         """Return the spread of the ratios."""
         return Spread.of(self.ratios[name])
 
+    @property
+    def words(self) -> str:
+        """The comparison in a line: on how many splits the best method errs less, and its ratios of the errors.
+
+        Examples
+        --------
+        >>> MethodPair("search", "ggx", {"log_mse": (0.5, 0.25)}).words
+        'search against ggx: log_mse lower on 2 of 2 splits, 0.25 to 0.5 times that of ggx'
+        """
+        parts = [
+            f"{name} lower on {self.lower(name)} of {len(found)} splits, {min(found):.2g} to {max(found):.2g} times"
+            f" that of {self.other}"
+            for name, found in self.ratios.items()
+        ]
+        return f"{self.best} against {self.other}: {'; '.join(parts)}"
+
     def record(self) -> dict[str, Any]:
         """Return the JSON form."""
         ratios = {

@@ -90,7 +90,7 @@ def without_light(rows: Iterable[FitRow]) -> tuple[str, ...]:
 def middle(rows: Sequence[FitRow], name: str) -> float | None:
     """Return the median of a metric over those rows that have it.
 
-    Of a ratio that should be 1, it is the median of its distance from 1, as a factor of 1 or more: fits that are too
+    For a ratio that should be 1, it is the median of its distance from 1, as a factor of 1 or more: fits that are too
     dark and too bright do not cancel.
     """
     metric = METRICS[name]

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from homofact.brdf.channels import display_of
-from homofact.brdf.source import Source
+from homofact.brdf.source import Source, with_tilt_looked_at
 from homofact.errors import BadInput, SolverFailure
 from homofact.evaluation.compare import fit_and_measure
 from homofact.exporting.manifest import write_json
@@ -77,7 +77,7 @@ def _opened(words: str, known_as: str, digest: str, settings: SourceSettings, se
     """A source, kept for the next task, which most often has the same. Raises BadInput where it was changed."""
     if source_digest(words) != digest:
         raise BadInput("was changed since the sweep began", where=words, expected="it as it was")
-    source = settings.opening(seed, words).open()
+    source = with_tilt_looked_at(settings.opening(seed, words).open())
     # A result says where its owner has the source, not where a worker was sent it.
     opening = None if source.opening is None else replace(source.opening, path=known_as)
     return replace(source, opening=opening)

@@ -75,6 +75,8 @@ def test_quotes_and_capitals_in_the_names_of_directions_do_not_matter(tmp_path: 
     assert torch.equal(loud.wo, plain.wo)
     assert torch.equal(loud.weights, plain.weights)
     assert loud.channels == plain.channels == ("R", "G", "B")
+    (tmp_path / "words.csv").write_text("theta_i,theta_o,dphi,Red,GREEN,blue\n0.1,0.2,3,1,2,3\n")
+    assert read_samples(tmp_path / "words.csv").channels == ("R", "G", "B")
     (tmp_path / "twice.csv").write_text('theta_i,"Theta_I",theta_o,dphi,Y\n0.1,0.1,0.2,3,0.5\n')
     with refused("'theta_i' names two columns"):
         read_samples(tmp_path / "twice.csv")

@@ -318,6 +318,14 @@ def test_a_deviation_of_nothing_is_explained() -> None:
     assert same_fits([paint[0], replace(paint[1], nbytes=8)]) == ""
     assert same_fits([paint[0], replace(paint[1], method="cole")]) == ""
     assert f"% {same_fits(paint)}" in latex_of(paint).splitlines()
+    # Of several splits the deviation is theirs.
+    splits = [*paint, *(replace(each, split_seed=1, values={"log_mse": 0.2}) for each in paint)]
+    assert same_fits(splits).endswith("that of the splits alone")
+    assert same_fits([*splits[:3], replace(splits[3], values={"log_mse": 0.3})]) == ""
+
+
+def test_notes_are_comments_of_the_latex_table() -> None:
+    assert "% search against ggx: 5 of 5" in latex_of(FITS, notes=["search against ggx: 5 of 5"]).splitlines()
 
 
 def test_the_settings_that_decide_are_named() -> None:

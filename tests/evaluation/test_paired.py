@@ -44,6 +44,7 @@ def test_each_split_gives_one_ratio(row: ComparisonRow) -> None:
     # Equal is not lower.
     assert (pair.lower("log_mse"), pair.lower("mse")) == (1, 1)
     assert (pair.spread("log_mse").low, pair.spread("log_mse").high) == (0.8, 2.0)
+    assert "log_mse lower on 1 of 3 splits, 0.8 to 2 times" in pair.words
     record = pair.record()
     assert record["errors"]["log_mse"] == {"ratios": [2.0, 2.0, 0.8], "lower_on": 1, "splits": 3}
 

@@ -194,9 +194,9 @@ def _faults(table: dict[str, Tensor], form: tuple[str, ...]) -> Iterator[_Fault]
 
 
 def _colours(names: tuple[str, ...]) -> tuple[str, ...]:
-    """The names of channels; r, g, b in whatever letters are the colours that other formats know as R, G, B."""
-    upper = tuple(name.upper() for name in names)
-    return upper if upper == ("R", "G", "B") else names
+    """The names of channels; r, g, b and red, green, blue in any letters are R, G, B, as other formats have them."""
+    small = tuple(name.lower() for name in names)
+    return ("R", "G", "B") if small in (("r", "g", "b"), ("red", "green", "blue")) else names
 
 
 def _vector_fault(name: str, w: Tensor) -> _Fault:

@@ -11,7 +11,7 @@ import torch
 from refusals import refused
 from torch import Tensor
 
-from homofact import info
+from homofact import compare, info
 from homofact.brdf.analytic.common import grazing
 from homofact.brdf.analytic.ggx import GgxBrdf, GgxLobe
 from homofact.brdf.materials import material
@@ -176,6 +176,18 @@ def test_a_tilt_of_a_list_stays_where_it_is_not_asked_for(leaning: Samples) -> N
     upright = info(reported(paint(0.03), 0.0))
     assert not upright.facts["tilt"]["left_in"]
     assert len(upright.mended) == 1
+
+
+def test_a_comparison_names_a_tilt_that_is_left_in_and_in_its_table_one_that_is_undone(
+    leaning: Samples, tmp_path: Path
+) -> None:
+    table = tmp_path / "table.tex"
+    found = compare(source_of(leaning), "ggx", latex=table)
+    assert any(": the sample was tilted by" in line for line in found.warnings)
+    assert ", left in" in table.read_text()
+    straight = compare(source_of(leaning, calibrate=["tilt"]), "ggx", latex=tmp_path / "straight.tex")
+    assert not any("tilted" in line for line in straight.warnings)
+    assert ", undone" in (tmp_path / "straight.tex").read_text()
 
 
 def test_values_are_clipped_and_gains_estimated_before_the_directions_turn(leaning: Samples) -> None:
