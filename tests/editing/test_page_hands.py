@@ -384,6 +384,37 @@ def test_a_button_that_changes_nothing_prints_why(page: Any, button: int, channe
     assert page.execute_script(note) == ""
 
 
+MEAN_ALBEDO = """
+const p = homofact.page, { mean } = p.data.furnace, rows = p.furnaces[p.state.material].albedo(arguments[0] ? p.curves.map((c) => c.start) : p.history.state);
+return [0, 1, 2].map((c) => mean.reduce((sum, weight, i) => sum + weight * rows[3 * i + c], 0));
+"""
+
+
+def test_a_narrower_highlight_can_have_the_same_albedo(page: Any) -> None:
+    page.execute_script("homofact.page.controls.edit(0)")
+    quiet(page)
+    before = page.execute_script(MEAN_ALBEDO, True)
+    for _ in range(3):
+        click(page, "#shapes button:nth-child(3)")
+    narrow, darker = values(page), page.execute_script(MEAN_ALBEDO, False)
+    assert np.less(darker, np.multiply(before, 0.99)).any()
+    click(page, "#shapes button:nth-child(7)")
+    assert page.execute_script(MEAN_ALBEDO, False) == pytest.approx(before, rel=1e-6)
+    # It is the same curve times a number for each channel.
+    ratios = values(page).reshape(-1, 3) / narrow.reshape(-1, 3)
+    assert np.allclose(ratios, ratios[0], rtol=1e-9, equal_nan=True)
+    count = steps(page)
+    click(page, "#shapes button:nth-child(7)")
+    assert steps(page) == count
+    # In one channel alone, and where no factor will do.
+    page.execute_script("homofact.page.state.channel = 1; homofact.page.edit(homofact.page.values.map((x) => 2 * x))")
+    quiet(page)
+    click(page, "#shapes button:nth-child(7)")
+    found = page.execute_script(MEAN_ALBEDO, False)
+    assert found[1] == pytest.approx(before[1], rel=1e-6)
+    assert found[0] > 1.01 * before[0]
+
+
 def test_the_same_buttons_change_a_curve_that_is_not_flat(page: Any) -> None:
     for button in range(1, 6):
         before = values(page)

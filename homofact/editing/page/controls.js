@@ -33,7 +33,8 @@ class Controls {
     click("exposure-auto", () => page.auto());
     by("exposure").addEventListener("input", () => { state.stops = Number(by("exposure").value); page.changed("picture"); });
     by("file").addEventListener("change", () => { for (const file of by("file").files) this.open(file); by("file").value = ""; });
-    fillButtons(by("shapes"), Object.entries(SHAPES).map(([name, { title, hint }]) => [title, hint, () => page.shape(name)]));
+    const shapes = Object.entries(SHAPES).map(([name, { title, hint }]) => [title, hint, () => page.shape(name)]);
+    fillButtons(by("shapes"), [...shapes, ["Same albedo", "times what gives the material its mean albedo before the edits", () => page.keepAlbedo()]]);
     this.fillCurves();
     this.fillKept();
     this.follow(by("canvas"));

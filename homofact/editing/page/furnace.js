@@ -34,6 +34,13 @@ class Furnace {
   }
 }
 
+/** Means over the light's angles, with their `weights`, of albedos (angles × C). */
+function meanAlbedo(albedo, weights, channels) {
+  const mean = new Float64Array(channels);
+  albedo.forEach((value, i) => { mean[i % channels] += value * weights[Math.floor(i / channels)]; });
+  return mean;
+}
+
 async function unpackFurnace(material, number, data, curves) {
   const terms = await Promise.all(material.terms.map(async ({ name, furnace }) => {
     const [degrees, bands, weights] = await Promise.all([unpack(furnace.degrees), unpack(furnace.bands), unpack(furnace.weights)]);
@@ -66,8 +73,7 @@ class Senders {
     const now = sender.curves.map((curve) => state[curve.index]);
     const before = sender.kept.find((each) => each.now.every((curve, k) => curve === now[k]));
     if (before) return before.mean;
-    const rows = sender.furnace.albedo(state, sender.terms), mean = new Float64Array(this.channels);
-    rows.forEach((value, i) => { mean[i % this.channels] += value * this.mean[Math.floor(i / this.channels)]; });
+    const mean = meanAlbedo(sender.furnace.albedo(state, sender.terms), this.mean, this.channels);
     sender.kept = [{ now, mean }, ...sender.kept.slice(0, 1)];
     return mean;
   }

@@ -117,6 +117,19 @@ class Page {
     else this.edit(found);
   }
 
+  /** The curve times a number, one for each channel, with which the material has its mean albedo before the edits again. */
+  keepAlbedo() {
+    const { curve, data, state } = this, { channels } = curve, furnace = this.furnaces[state.material], now = this.history.state;
+    const mean = (curves, terms = null) => meanAlbedo(furnace.albedo(curves, terms), data.furnace.mean, channels);
+    const before = mean(this.curves.map(({ start }) => start)), whole = mean(now), own = mean(now, [curve.term]);
+    // The other terms stay as they are.
+    const factors = own.map((value, c) => (state.channel === null || state.channel === c ? (before[c] - whole[c] + value) / value : 1));
+    const found = this.values.map((value, i) => value * factors[i % channels]);
+    if (!factors.every((factor) => factor > 0 && factor < Infinity)) this.note("No factor of this curve gives the material its albedo back.", true);
+    else if (alike(found, this.values)) this.note("The material has its albedo before the edits.");
+    else this.edit(found);
+  }
+
   /** The curve from its model's numbers; those that are not named stay as they are. */
   slide(values, partly = false) {
     const { curve } = this, sliders = { ...(this.shown.sliders ?? curve.sliders), ...values };
