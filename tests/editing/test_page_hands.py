@@ -385,7 +385,8 @@ def test_a_button_that_changes_nothing_prints_why(page: Any, button: int, channe
 
 
 MEAN_ALBEDO = """
-const p = homofact.page, { mean } = p.data.furnace, rows = p.furnaces[p.state.material].albedo(arguments[0] ? p.curves.map((c) => c.start) : p.history.state);
+const p = homofact.page, { mean } = p.data.furnace, furnace = p.furnaces[p.state.material];
+const rows = furnace.albedo(arguments[0] ? p.curves.map((c) => c.start) : p.history.state);
 return [0, 1, 2].map((c) => mean.reduce((sum, weight, i) => sum + weight * rows[3 * i + c], 0));
 """
 
