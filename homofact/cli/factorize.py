@@ -19,6 +19,7 @@ from homofact.cli.verdicts import (
     incidence_lines,
     names_of,
     strictness,
+    tilt_lines,
     verdict_line,
     where_lines,
 )
@@ -85,6 +86,7 @@ def factorize(
             *(hanging(line, len(BULLET)) if line.startswith(BULLET) else Text(line) for line in finding_lines(verdict)),
             *(hanging(line, len("  ")) for line in (*incidence_lines(verdict), figures_line(verdict))),
             "",
+            *(hanging(line, len("  ")) for line in tilt_lines(verdict)),
             *([hanging(line, len("  ")) for line in advice_lines(found.row)] or _next_lines(found)),
         )
     screen.answer(found.record())

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from homofact.cli.flags import option
-from homofact.errors import BadInput
+from homofact.errors import Advice, BadInput
 from homofact.evaluation.wording import figure, findings_named, light_by_incidence
 
 if TYPE_CHECKING:
@@ -63,6 +63,13 @@ def finding_lines(verdict: "Verdict") -> list[str]:
         if found:
             lines += [f"{whose.title}:", *(f"{BULLET}{noted(each)}" for each in found)]
     return lines
+
+
+def tilt_lines(verdict: "Verdict") -> list[str]:
+    """Return how to fit the measurement without its tilt, in a line; no line if none was left in."""
+    undo = option(Advice("calibrate", "tilt"))
+    tilted = any(each.name == "tilt" for each in verdict.findings)
+    return [f"To undo the tilt of the sample, run the same command with {undo}"] if tilted else []
 
 
 def advice_lines(row: "ComparisonRow") -> list[str]:

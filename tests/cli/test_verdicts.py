@@ -3,11 +3,11 @@
 from dataclasses import replace
 
 import pytest
-from judged import Altered, names, seen, verdict
+from judged import TRAIN, Altered, names, seen, verdict
 from refusals import refused
 
 from homofact.api.result import RecordedVerdict
-from homofact.cli.verdicts import USUAL, brief_lines, strictness, verdict_line
+from homofact.cli.verdicts import USUAL, brief_lines, strictness, tilt_lines, verdict_line
 from homofact.evaluation.wording import findings_named, trust_in_words
 from homofact.web import page
 
@@ -55,3 +55,10 @@ def test_strict_is_a_word_or_a_probability(text: str, meant: bool | float) -> No
     assert (found, type(found)) == (meant, type(meant))
     with refused(where="strict", found="'often'"):
         strictness("often")
+
+
+def test_a_tilt_that_was_left_in_is_followed_by_the_option_that_undoes_it() -> None:
+    tilt = {"left_in": True, "words": "the sample was tilted by +0.1°: it can be undone"}
+    (line,) = tilt_lines(verdict(train=replace(TRAIN, provenance={"tilt": tilt})))
+    assert line.endswith("--calibrate tilt")
+    assert tilt_lines(verdict()) == []

@@ -260,7 +260,7 @@ class ErrorBars:
         --------
         >>> bar = ErrorBar("albedo", BarKind.RIGHT, 0.06, 0.9, (75.0, 75.0), unmeasured=0.22)
         >>> ErrorBars((), (bar,)).extrapolated_sentence().partition(": ")[2]
-        'do not rely on the limit of 6% there'
+        'do not rely on the limit of total reflected light there (6%)'
         """
         found = [bar for bar in self.by_angle if bar.rests_on_extrapolation]
         if not found:
@@ -271,7 +271,7 @@ class ErrorBars:
         limit = "limit" if len(found) == 1 else "limits"
         return (
             f"at {angles} incidence {shares} of the light leaves in directions without measurements: do not rely on the"
-            f" {limit} of {limits} there"
+            f" {limit} of total reflected light there ({limits})"
         )
 
     def record(self) -> dict[str, Any]:
