@@ -100,9 +100,9 @@ def test_a_sentence_names_the_angles_whose_bars_rest_on_extrapolation() -> None:
     assert [bar.rests_on_extrapolation for bar in by_angle] == [False, True, False, False, True]
     assert ErrorBars((), by_angle).extrapolated_sentence() == (
         "at 15° and 60° incidence 10% and 22% of the light leaves in directions without measurements: do not rely on"
-        " the limits of 3% and 6% there"
+        " the limits of total reflected light there (3% and 6%)"
     )
-    assert ErrorBars((), by_angle[:2]).extrapolated_sentence().endswith("the limit of 3% there")
+    assert ErrorBars((), by_angle[:2]).extrapolated_sentence().endswith("the limit of total reflected light there (3%)")
     assert made.extrapolated_sentence() == ""
 
 
