@@ -181,10 +181,9 @@ def _repairs(provenance: Mapping[str, Any]) -> list[str]:
     """What was done to the samples, a line each; of a tilt only whether it is undone."""
     from homofact.brdf.quality.mending import mending_lines
 
-    tilt = provenance.get("tilt") or {}
-    ending = "undone" if tilt.get("undone") else "left in"
-    short = {tilt.get("words"): f"{str(tilt.get('words')).partition(': ')[0]}, {ending}"} if tilt else {}
-    return [short.get(line, line) for line in mending_lines(dict(provenance))]
+    lines, tilt = mending_lines(dict(provenance)), provenance.get("tilt") or {}
+    ending = "undone" if tilt.get("undone") else "left in" if tilt.get("left_in") else ""
+    return [f"{tilt['found']}, {ending}" if ending and line == tilt["words"] else line for line in lines]
 
 
 def _means(measured: list[dict[str, float | None]]) -> Mapping[str, float | None]:

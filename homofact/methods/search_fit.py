@@ -39,7 +39,7 @@ _ATTEMPTS = 3  # solves more where a fit exceeds what is known beyond its measur
 _LEAST_OVER_CLIPPED = 1e-4
 # Textures cancel each other if the texels of one span so many times as much as the logarithms of the samples. Then a
 # stronger ridge keeps them small: of 1e-7 to 1e-3, tried on paints of few samples, 1e-5 is the least with which 8 bits
-# hold the texels (docs/export.md). Held-out errors of 12 KB change by a few percent, those of 61 KB rise by up to 39%.
+# hold the texels (docs/export.md). Held-out errors change little, but may rise where texels are many times the samples.
 # It is not taken if it multiplies the squared residual by `_MOST_LOSS`: then the samples determine the large texels.
 # Samples that are drawn from a table or a model do, since as many are drawn as are asked for.
 _CANCELLING, _STRONGER_RIDGE, _MOST_LOSS = 4.0, 1e-5, 1.25

@@ -58,7 +58,7 @@ def test_strict_is_a_word_or_a_probability(text: str, meant: bool | float) -> No
 
 
 def test_a_tilt_that_was_left_in_is_followed_by_the_option_that_undoes_it() -> None:
-    tilt = {"left_in": True, "words": "the sample was tilted by +0.1°: it can be undone"}
+    tilt = {"left_in": True, "found": "the sample was tilted by +0.1°", "effect": "it can be undone"}
     (line,) = tilt_lines(verdict(train=replace(TRAIN, provenance={"tilt": tilt})))
     assert line.endswith("--calibrate tilt")
     assert tilt_lines(verdict()) == []

@@ -35,13 +35,14 @@ def test_the_floor_of_the_noise_is_held_against_epsilon() -> None:
 
 @pytest.mark.parametrize("left_in", [True, False])
 def test_a_tilt_that_is_left_in_is_named_instead_of_the_ring_that_it_makes(left_in: bool) -> None:
-    tilt = {"left_in": left_in, "undone": not left_in, "words": "the sample was tilted by +0.1°: it can be undone"}
+    parts = {"found": "the sample was tilted by +0.1°", "effect": "it can be undone"}
+    tilt = {"left_in": left_in, "undone": not left_in, **parts}
     one = verdict(train=replace(rings(1.4), provenance={"tilt": tilt}), log_mse=(0.01, 0.01))
     found = [each for each in one.findings if each.name in ("tilt", "ring")]
     assert [each.name for each in found] == (["tilt"] if left_in else ["ring"])
     assert found[0].about is About.DATA
     if left_in:
-        assert (found[0].found, found[0].remedy) == tuple(tilt["words"].split(": "))
+        assert (found[0].found, found[0].remedy) == tuple(parts.values())
 
 
 @pytest.mark.parametrize(("share", "found"), [(0.005, False), (0.03, True)])

@@ -71,7 +71,7 @@ def test_the_smallest_representation_that_is_trusted_is_chosen(fits: MaterialFit
 
 
 def test_a_tilt_that_is_left_in_is_named_with_the_way_out() -> None:
-    tilt = {"left_in": True, "words": "the sample was tilted by +0.1°: it can be undone"}
+    tilt = {"left_in": True, "found": "the sample was tilted by +0.1°", "effect": "it can be undone"}
     lines = finding_lines({"paint": verdict(train=replace(TRAIN, provenance={"tilt": tilt}))})
     assert any("the sample was tilted by +0.1°" in line for line in lines)
     assert "--calibrate tilt" in lines[-1]

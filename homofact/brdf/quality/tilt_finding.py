@@ -84,13 +84,25 @@ class TiltFinding:
         return Tilt(*(math.radians(angle) for angle in angles)) if any(angles) else None
 
     def record(self, undone: bool = True) -> dict[str, Any]:
-        """Return a JSON-able dictionary of a tilt that is `undone`, or left in, where there is one."""
+        """Return a JSON-able dictionary of a tilt that is `undone`, or left in, where there is one.
+
+        "words" are a line for people, of which "found" is what was found and "effect" what undoing it does.
+        """
         angles = {"in_plane": self.in_plane.record(), "out_of_plane": self.out_of_plane.record()}
-        found = self.tilt is not None
-        return angles | {"undone": found and undone, "left_in": found and not undone, "words": self.line(undone)}
+        tilted, (found, effect) = self.tilt is not None, self._parts(undone)
+        return angles | {
+            "undone": tilted and undone,
+            "left_in": tilted and not undone,
+            "words": self.line(undone),
+            "found": found,
+            "effect": effect,
+        }
 
     def line(self, undone: bool = True) -> str:
         """Return one line for people."""
+        return ": ".join(self._parts(undone))
+
+    def _parts(self, undone: bool) -> tuple[str, str]:
         places = ("in the plane of incidence", "across the plane of incidence")
         found = [
             (angle, f"{angle.degrees:+.3f}° {where} (95% interval {angle.low:+.3f}° to {angle.high:+.3f}°)", error)
@@ -98,11 +110,11 @@ class TiltFinding:
             if angle.claimed
         ]
         if not found:
-            return f"no tilt of the sample {'undone' if undone else 'found'}: {self.in_plane.reason}"
+            return f"no tilt of the sample {'undone' if undone else 'found'}", self.in_plane.reason
         what = " and ".join(words for _, words, _ in found)
         gains = (f"the {error} from {angle.misfit:.1%} to {angle.undone:.1%}" for angle, _, error in found)
         doing = "undone, which" if undone else f"{Advice('calibrate', 'tilt')} undoes it, which"
-        return f"the sample was tilted by {what}: {doing} lowers {' and '.join(gains)}"
+        return f"the sample was tilted by {what}", f"{doing} lowers {' and '.join(gains)}"
 
 
 def doubted(angle: TiltAngle, law: str) -> TiltAngle:

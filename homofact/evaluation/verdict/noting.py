@@ -1,8 +1,9 @@
 """What is worth noting of a fit and of its samples: true statements with what is expected, none of them an alarm."""
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import torch
 
@@ -144,10 +145,10 @@ def _shows_rings(noted: Noted) -> bool:
     return bool(noted.figures.data.ring_where) and near and not _tilt_left_in(noted)
 
 
-def _tilt_left_in(noted: Noted) -> str:
-    """What is known of a tilt of the sample that was not undone, in words; "" if there is none."""
+def _tilt_left_in(noted: Noted) -> Mapping[str, Any]:
+    """The record (`TiltFinding.record`) of a tilt of the sample that was not undone; empty if there is none."""
     tilt = noted.train.provenance.get("tilt") or {}
-    return tilt["words"] if tilt.get("left_in") else ""
+    return tilt if tilt.get("left_in") else {}
 
 
 def _narrow(noted: Noted) -> float | None:
@@ -336,9 +337,8 @@ def of_the_pictures(noted: Noted) -> Iterator[Finding]:
 
 def of_the_tilt(noted: Noted) -> Iterator[Finding]:
     """A tilt of the sample that was seen in a measurement and left in."""
-    found, _, undoing = _tilt_left_in(noted).partition(": ")
-    if found:
-        yield Finding("tilt", About.DATA, found, undoing)
+    if tilt := _tilt_left_in(noted):
+        yield Finding("tilt", About.DATA, tilt["found"], tilt["effect"])
 
 
 # Everything that notes something of a fit: what finds more things is added here.

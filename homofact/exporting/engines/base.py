@@ -54,8 +54,7 @@ def fit_notes(made: Exported) -> str:
     edits = edits_in_words(made.stored.provenance)
     notes = [f"The fit was edited: {in_markdown(edits)}."] if edits else []
     if made.verdict is not None:
-        whose = "the fit before the edit" if edits else "the fit, compared with its source"
-        notes.append(f"homofact's verdict on {whose}: {in_markdown(made.verdict['summary'])}.")
+        notes.append(f"homofact's verdict on the fit: {in_markdown(made.verdict['summary'])}.")
     return "".join(f"\n\n{note}" for note in notes)
 
 

@@ -188,6 +188,12 @@ def test_a_comparison_names_a_tilt_that_is_left_in_and_in_its_table_one_that_is_
     straight = compare(source_of(leaning, calibrate=["tilt"]), "ggx", latex=tmp_path / "straight.tex")
     assert not any("tilted" in line for line in straight.warnings)
     assert ", undone" in (tmp_path / "straight.tex").read_text()
+    # What was looked for in vain is neither.
+    compare(source_of(reported(paint(0.03), 0.0), calibrate=["tilt"]), "ggx", latex=tmp_path / "upright.tex")
+    upright = (tmp_path / "upright.tex").read_text()
+    assert "no tilt of the sample undone" in upright
+    assert ", left in" not in upright
+    assert ", undone" not in upright
 
 
 def test_values_are_clipped_and_gains_estimated_before_the_directions_turn(leaning: Samples) -> None:
