@@ -79,7 +79,7 @@ class SourceSettings(_Checked):
         "Faults of the instrument to correct; auto corrects a tilt in a whole table if the evidence is clear, tilt also"
         " in a list of samples",
         choices=CALIBRATIONS, separators="+,", metavar="A+B",
-        expected_instead=none_twice, panel=SOURCE,
+        expected_instead=none_twice, panel=SOURCE, everyday=True,
     )  # fmt: skip
     clipped: float | str | None = option(
         None, "Treat values from this level (sr⁻¹) on as clipped, known only to be at least as large; found detects"

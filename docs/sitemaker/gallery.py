@@ -123,7 +123,7 @@ def _page(fit: Fit) -> str:
         f"homofact factorize {fit.record['made']['source']} --textures 3 --size 32 \\",
         f"    --effort {fit.record['made']['effort']} --out {name}",
         f"homofact view {name}",
-        f"homofact export {name} --to {name}-engine",
+        f"homofact export {name} --out {name}-engine",
         "```",
         "",
     ]

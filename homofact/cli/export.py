@@ -14,7 +14,7 @@ from homofact.cli.screen import Screen
 from homofact.cli.tables import appearance_tables, stored_table
 from homofact.containers.format_names import FORMAT_NAMES
 from homofact.errors import BadInput
-from homofact.evaluation.wording import counted
+from homofact.evaluation.wording import brief_figure, counted
 
 HTML, README = "html", "README.md"
 
@@ -24,7 +24,7 @@ _MUCH_MOVED = 0.05
 
 def export(
     result: o.Result,
-    to: Annotated[Path, typer.Option("--to", metavar="FOLDER", help="Folder for textures and shaders.")],
+    out: Annotated[Path, typer.Option(metavar="FOLDER", help="Folder for textures and shaders.")],
     form: Annotated[
         str | None,
         typer.Option(
@@ -92,7 +92,7 @@ def export(
         from homofact.api.viewing import NAME
         from homofact.cli.view import view
 
-        page = to if to.suffix in (".html", ".htm") else to / NAME
+        page = out if out.suffix in (".html", ".htm") else out / NAME
         view(result, source, out=page, force=force, as_json=as_json, quiet=quiet)
         return
 
@@ -101,13 +101,13 @@ def export(
     screen = Screen(as_json, quiet)
     with screen.progress() as progress:
         found = export(
-            result, to, format=form, quantize=quantize, engine=engine, prefilter=prefilter,
+            result, out, format=form, quantize=quantize, engine=engine, prefilter=prefilter,
             prefilter_side=prefilter_side, source=source, force=force, progress=progress,
         )  # fmt: skip
     for warning in _warnings(found):
         screen.note(f"homofact: {warning}")
     if not quiet:
-        _show(found, to, engine, screen)
+        _show(found, out, engine, screen)
     screen.answer(found.record())
 
 
@@ -119,7 +119,7 @@ def _show(found: ExportResult, folder: Path, engine: str | None, screen: Screen)
         stored_table(found.errors, found.part),
         Text(
             f"One evaluation: {counted(cost.fetches, 'fetch')}, {cost.total} operations ({cost.scalar} if each"
-            f" component of a vector counts), {cost.nbytes} bytes of texels."
+            f" component of a vector counts), {cost.nbytes} bytes of graphics memory."
         ),
         Text(_noise_line(found.noise)),
         *(Text(part.sentence()) for part in (found.prefiltered, found.light) if part is not None),
@@ -174,8 +174,11 @@ def _storage_warning(found: ExportResult) -> str:
 
 
 def _noise_line(measured: Sequence[Mapping[str, float]]) -> str:
-    angles = ", ".join(f"{at['variance']:.2g} ({at['cosine']:.2g}) at {at['angle']:.0f}°" for at in measured)
+    own, cosine = (
+        ", ".join(f"{brief_figure(at[name])} at {at['angle']:.0f}°" for at in measured)
+        for name in ("variance", "cosine")
+    )
     return (
-        "Relative variance per sample of homofact_sample (in brackets: of cosine sampling), by the viewer's angle:"
-        f" {angles}."
+        f"Noise of importance sampling, relative variance per sample by the viewer's angle: homofact_sample {own};"
+        f" cosine sampling {cosine}."
     )

@@ -47,7 +47,7 @@ def factorize(
     """
     source = source_of(settings)
     if settings.output.folder is None:
-        raise BadInput("none given", where="out", expected="a folder for the result (--out, or folder under [output])")
+        raise BadInput("none given", where="out", expected="a folder for the result (--out FOLDER)")
     method = settings.fit.method_alone()
 
     from homofact.api.factorizing import factorize
@@ -66,7 +66,11 @@ def factorize(
         from homofact.brdf.quality.mending import mending_lines
 
         records, verdict = found.records(), found.row.verdict
-        screen.show(*(Text(with_options(line)) for line in mending_lines(found.source.samples.provenance)))
+        provenance = found.source.samples.provenance
+        tilt = provenance.get("tilt") or {}
+        # A tilt that was left in is a finding of the verdict.
+        told = tilt.get("words") if tilt.get("left_in") else None
+        screen.show(*(Text(with_options(line)) for line in mending_lines(provenance) if line != told))
         # What was made and how good it is come first, the evidence after, and last what to do with it.
         screen.show(
             Text(_headline(found)),
@@ -108,5 +112,5 @@ def _next_lines(found: "FactorizeResult") -> list[str]:
     """What to do with a fit that the verdict does not warn of."""
     return [
         f"View it in a browser: homofact view {found.folder}",
-        f"Export it to an engine: homofact export {found.folder} --to FOLDER --engine three",
+        f"Export it to an engine: homofact export {found.folder} --out FOLDER --engine three",
     ]

@@ -59,6 +59,8 @@ _RENAMED = {
     "stability": "homofact research stability",
     "terms": "homofact research terms",
 }
+# Options of 0.2.0 by command, with their names now.
+_RENAMED_OPTIONS = {("export", "--to"): "--out", ("plan", "--write"): "--out"}
 
 
 def _plain_flags(params: list[Any]) -> list[Any]:
@@ -237,6 +239,10 @@ def _run(argv: Sequence[str] | None) -> int:
         return _refuse(str(error))
     except typer.TyperException as error:
         path = getattr(getattr(error, "ctx", None), "command_path", "homofact")
+        option = getattr(error, "option_name", "")
+        renamed = _RENAMED_OPTIONS.get((path.rpartition(" ")[2], option))
+        if renamed is not None:
+            return _refuse(f"{option}: no option of this version, now: {renamed} (see {path} --help)")
         return _refuse(f"{_in_our_words(error.format_message().rstrip('.'))} (see {path} --help)")
     except Interrupted as ending:
         print(f"homofact: interrupted, {harmless(with_options(ending.kept))}", file=sys.stderr)

@@ -34,8 +34,8 @@ def plan(
     plot: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Draw error against bytes (.png, .pdf, .svg).")
     ] = None,
-    write: Annotated[
-        Path | None, typer.Option(metavar="FOLDER", help="Export the chosen representations, and plan.json.")
+    out: Annotated[
+        Path | None, typer.Option(metavar="FOLDER", help="Folder for the chosen representations and plan.json.")
     ] = None,
     against: Annotated[
         str | None, typer.Option(metavar="NAME", help="Also plan for this named lighting, and compare the costs.")
@@ -69,10 +69,10 @@ def plan(
     """Find the smallest representation of each material of a scene within your tolerance.
 
     The plan meets the scene's tolerances under each of its lightings, in
-    rendered views and with a margin for other views: docs/planning.md. If the
-    byte budget is too small, it distributes the bytes so that the picture has
-    the smallest error. For a relighting scene, it chooses the transport
-    settings of each object: docs/relighting.md.
+    rendered views and with a margin for other views. If the byte budget is
+    too small, it distributes the bytes so that the picture has the smallest
+    error. For a relighting scene, it chooses the transport settings of each
+    object. The documentation explains both on the page "Plan a scene".
     """
     from homofact.api.planning import PlanRefused, PlanResult, TransportPlan, plan
 
@@ -81,7 +81,7 @@ def plan(
     with screen.progress() as progress:
         try:
             found = plan(
-                scene, write, plot=plot, against=against, tolerance=tolerance,
+                scene, out, plot=plot, against=against, tolerance=tolerance,
                 effort=_SETTINGS["effort"].from_text(effort), budget=budget, count=count, strict=strictness(strict),
                 refuse=names_of(refuse), force=force, progress=progress,
             )  # fmt: skip
@@ -91,18 +91,18 @@ def plan(
     if isinstance(found, TransportPlan):
         _show_transport(found, screen)
     # Without a folder they are all that there is to see, as of `compare`.
-    elif not quiet or write is None:
+    elif not quiet or out is None:
         _show(found, screen)
     if isinstance(found, PlanResult):
         if found.plot is not None:
             screen.note(f"The figure: {found.plot}")
-        if write is not None and found.folders is not None:
+        if out is not None and found.folders is not None:
             from homofact.planning.export import COLOUR
 
-            screen.note(f"The choices: {write}")
+            screen.note(f"The choices: {out}")
             # A choice with textures, where there is one, shows more than a colour.
-            for name in sorted(found.folders.values(), key=lambda each: (write / each / COLOUR).exists())[:1]:
-                screen.note(f"Export one to an engine: homofact export {write / name} --to FOLDER --engine three")
+            for name in sorted(found.folders.values(), key=lambda each: (out / each / COLOUR).exists())[:1]:
+                screen.note(f"Export one to an engine: homofact export {out / name} --out FOLDER --engine three")
     if as_json:
         # With verdicts on what was chosen under the other lighting, which nothing else shows.
         screen.answer(found.record())

@@ -179,12 +179,12 @@ def size_table(records: Mapping[str, Mapping[str, Any]]) -> Table:
 
 
 def stored_table(errors: Mapping[str, Mapping[str, Any]], part: str) -> Table:
-    """Return what storing a fit cost: its errors on `part` of the samples, and how far its logarithms moved."""
+    """Return the errors of a fit as stored on `part` of the samples, and the change of its logarithms by storing."""
     words = {"held_out": "held out", "source": "of the source"}[part]
-    table = plain_table(f"Error ({words}; mae in sr⁻¹; moved: RMS of the logarithms from those fitted)")
+    table = plain_table(f"Error ({words}; mae in sr⁻¹; change: RMS change of log f by the storage)")
     add_names(table)
     names = [name for name in ("log_mse", "log_mae", "mae") if any(part in each for each in errors.values())]
-    add_figures(table, *(*(name.replace("_", " ") for name in names), "moved"))
+    add_figures(table, *(*(name.replace("_", " ") for name in names), "change"))
     for label, each in errors.items():
         tested = each.get(part, {})
         table.add_row(Text(label), *(figure(tested.get(name)) for name in names), figure(each["log_difference"]))

@@ -55,12 +55,16 @@ def total_line(record: dict[str, Any]) -> str:
 
 def noise_table(record: dict[str, Any]) -> Table:
     """Return the noise of directions drawn by homofact_sample for each label, by the viewer's angle."""
+    from homofact.evaluation.wording import brief_figure
+
     table = plain_table(
-        "Relative variance per sample of homofact_sample (in brackets: of cosine sampling), by the viewer's angle"
+        "Noise of importance sampling, by the viewer's angle: relative variance per sample of homofact_sample (in"
+        " brackets: of cosine sampling)"
     )
     add_figures(table, "label", *(f"{each['angle']:.0f}°" for each in record["clusters"][0]["noise"]))
     for label, cluster in enumerate(record["clusters"]):
-        table.add_row(str(label), *(f"{each['variance']:.2g} ({each['cosine']:.2g})" for each in cluster["noise"]))
+        noise = [tuple(brief_figure(each[name]) for name in ("variance", "cosine")) for each in cluster["noise"]]
+        table.add_row(str(label), *(f"{own} ({cosine})" for own, cosine in noise))
     return table
 
 

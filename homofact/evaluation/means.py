@@ -1,10 +1,10 @@
 """Methods over several sources, seeds and splits in one table, for a paper: means and deviations, as CSV and LaTeX.
 
-Fits are gathered by method and bytes, since an error is only to be compared at equal bytes: a method whose fits to some
-sources take fewer bytes has several rows. Fits that were to take so many bytes count as equal, though they fill them
-differently; their row has the bytes and fetches of the largest. Standard deviations are those of a sample (n − 1).
-Sources differ far more than the fits to one of them, so a row over several sources has two: that of the sources' means,
-and that of the fits to a source, by several seeds or on several splits: √(mean of the variances) over the sources.
+Fits are gathered by method and by the bytes that they could fill, since an error is only to be compared at equal bytes.
+A fit may fill fewer; a row has the bytes and fetches of its largest fit. Standard deviations are those of a sample
+(n − 1). Sources differ far more than the fits to one of them, so a row over several sources has two: that of the
+sources' means, and that of the fits to a source, by several seeds or on several splits: √(mean of the variances) over
+the sources.
 """
 
 import math

@@ -118,8 +118,8 @@ class EngineLight(UnderSkies):
         """What the screen says."""
         reads, size = self.table.lobes + 1, self.texels.nbytes
         return (
-            f"Environments: a table of {size} bytes makes the reflection from {reads} reads of the engine's own"
-            f" filtered sky. {self.off()}"
+            f"Under an environment, the shader reads the engine's own filtered sky {reads} times and a table"
+            f" of {size} bytes. {self.off()}"
         )
 
 

@@ -66,7 +66,7 @@ class SearchOutcome:
 
 def kept_note(kept: int, textures: int) -> str:
     """Return the note of a fit that keeps fewer textures than it may have."""
-    return f"{kept} of {textures} textures kept: more do not lower the validation error"
+    return f"the search kept {kept} of {textures} textures: more do not lower the validation error"
 
 
 class StructureSearch:

@@ -112,12 +112,12 @@ def with_bytes(method: Method, count: int) -> Method | None:
 
 
 def bytes_to_fill(method: Method) -> int | None:
-    """Return the bytes that a method has for its textures: those given, or of McCool's and Cole's those of their size.
+    """Return the bytes that a method may fill with its textures: those given, or those of their number and size.
 
-    These two take the shape within their size that fits the source best, so their fits differ by some texels. None
-    where neither is said.
+    McCool's and Cole's take the shape within their size that fits the source best, so their fits differ by some texels;
+    a search keeps as many textures as lower the validation error. None for any other method without bytes.
     """
-    if isinstance(method, McCool | Cole):
+    if isinstance(method, McCool | Cole) or (isinstance(method, Search) and method.bytes is None):
         return _RGB_TEXEL * method.most_textures * method.size**2
     return method.bytes
 

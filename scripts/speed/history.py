@@ -64,20 +64,24 @@ class Line:
 class Command:
     """What is run: words after `homofact`, `{out}` a new folder and `{fit}` the fit of an earlier command.
 
-    `{scene}` is a file with the text `scene`. `older` are the words of versions whose charts were a command of
-    their own. `ends` are its exit codes: a plan that is missed ends with 1.
+    `{scene}` is a file with the text `scene`. `older` are the words of versions that have the text `older_has` in a
+    file of `homofact/cli`. `ends` are its exit codes: a plan that is missed ends with 1.
     """
 
     name: str
     words: tuple[str, ...]
     fits: bool = False
     older: tuple[str, ...] = ()
+    older_has: tuple[str, str] = ("", "")
     scene: str = ""
     ends: tuple[int, ...] = (0,)
 
     def words_of(self, checkout: Path) -> tuple[str, ...]:
         """The words for the version in a folder."""
-        return self.older if self.older and (checkout / "homofact" / "cli" / "chart.py").is_file() else self.words
+        name, text = self.older_has
+        file = checkout / "homofact" / "cli" / name
+        is_old = bool(self.older) and file.is_file() and text in file.read_text(encoding="utf-8")
+        return self.older if is_old else self.words
 
 
 def reference() -> float:
@@ -108,12 +112,14 @@ def commands(folder: Path, short: bool, long: bool) -> Iterator[Command]:
         yield Command("info golden yellow", ("info", str(file)))
         words = ("factorize", str(file), "--textures", "3", "--size", "32", "--out", "{out}")
         yield Command("factorize golden yellow", words, fits=True)
-    yield Command("export", ("export", "{fit}", "--to", "{out}"))
+    older = ("export", "{fit}", "--to", "{out}")
+    yield Command("export", ("export", "{fit}", "--out", "{out}"), older=older, older_has=("export.py", '"--to"'))
     yield Command("view", ("view", "{fit}", "--out", "{out}.html"))
     if long:
         paint, grid = "material:lafortune-blue-paint", ("--textures", "1,2,3", "--effort", "quick")
         charted = ("compare", paint, *grid, "--size", "8,16", "--chart", "{out}")
-        yield Command("chart", charted, older=("chart", paint, *grid, "--sizes", "8,16", "--out", "{out}"))
+        older = ("chart", paint, *grid, "--sizes", "8,16", "--out", "{out}")
+        yield Command("chart", charted, older=older, older_has=("chart.py", ""))
         scene = str(ROOT / "configs" / "scenes" / "example.toml")
         yield Command("plan", ("plan", scene, "--against", "sun", "--plot", "{out}.png"))
         sources = [file, folder / "cornell" / "garnet_red.brdf"]

@@ -332,6 +332,7 @@ def test_a_decomposition_within_bytes_takes_the_largest_size(method: Method, sto
 
 def test_the_bytes_that_a_method_had_to_fill() -> None:
     assert bytes_to_fill(made("search", {"bytes": 3000})) == 3000
-    assert bytes_to_fill(made("search", {})) is None
+    assert bytes_to_fill(made("search", {"textures": 3, "size": 8})) == 12 * 3 * 8**2
+    assert bytes_to_fill(made("svd", {})) is None
     # McCool's textures of two sources may be 17 × 15 and 16 × 16: both had the bytes of 16².
     assert bytes_to_fill(homofact.McCool(size=16)) == 12 * 2 * 16**2

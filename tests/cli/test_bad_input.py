@@ -108,9 +108,9 @@ CASES = {
     "result in a file": ([*FIT, "--out", "/dev/null/o"], r"/dev/null.*expected"),
     "result in a closed place": ([*FIT, "--out", "/proc/homofact/o"], r"/proc.*cannot be written"),
     "result that is a file": ([*FIT, "--out", "{file}"], r"expected a folder"),
-    "no such format": (["export", "{here}", "--to", "{here}/o", "--format", "jpg"], r"format: found 'jpg', expected"),
+    "no such format": (["export", "{here}", "--out", "{here}/o", "--format", "jpg"], r"format: found 'jpg', expected"),
     "a measurement to export": (
-        ["export", "{paint}", "--to", "{here}/x"],
+        ["export", "{paint}", "--out", "{here}/x"],
         r"paint\.csv: is a measurement, expected a saved fit \(fit it first",
     ),
     "a measurement to view": (

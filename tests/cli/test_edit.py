@@ -243,7 +243,7 @@ def test_curves_become_textures_of_the_fit(
     assert (out / "compare.png").is_file()
     with pytest.raises(NotReopened, match="it is of an edited material"):
         reopen(after)
-    assert main(["export", str(out), "--to", str(out.with_name("export")), "--quiet"]) == 0
+    assert main(["export", str(out), "--out", str(out.with_name("export")), "--quiet"]) == 0
     assert (out.with_name("export") / "brdf.glsl").is_file()
 
 

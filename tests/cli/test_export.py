@@ -54,7 +54,7 @@ def test_an_export_ends_with_what_to_do_next(result: Path, tmp_path: Path, monke
     last = []
     for engine in ([], ["--engine", "blender"], ["--engine", "pbrt"]):
         to = tmp_path / f"to{len(last)}"
-        assert main(["export", str(result), "--to", str(to), *engine]) == 0
+        assert main(["export", str(result), "--out", str(to), *engine]) == 0
         last.append(capsys.readouterr().out.rstrip().split("\n\n")[-1])
     assert last[0].startswith("Call homofact_evaluate(wi, wo)")
     # Words wrap; a place never does.
@@ -70,7 +70,7 @@ def errors(text: str) -> dict:
 
 
 def test_an_export_says_what_storing_cost_and_reads_back(result: Path, tmp_path: Path, capsys) -> None:
-    assert main(["export", str(result), "--to", str(tmp_path / "out"), "--format", "png8", "--json"]) == 0
+    assert main(["export", str(result), "--out", str(tmp_path / "out"), "--format", "png8", "--json"]) == 0
     found = errors(capsys.readouterr().out)
     report = json.loads((result / "report.json").read_text())
     assert found["as fitted"]["held_out"] == pytest.approx(report["error"]["held_out"])
@@ -102,7 +102,7 @@ def test_a_sky_is_filtered_beside_the_material(
     monkeypatch.setattr(split_sum, "_FIRST_STEPS", 12)
     monkeypatch.setattr(split_sum, "_STEPS", 4)
     place, out = sky(tmp_path / "sky.exr"), tmp_path / "out"
-    command = ["export", str(result), "--to", str(out), "--format", "png8", "--prefilter", str(place)]
+    command = ["export", str(result), "--out", str(out), "--format", "png8", "--prefilter", str(place)]
     assert main([*command, "--prefilter-side", "32"]) == 0
     shown = " ".join(capsys.readouterr().out.split())
     chain = "a cube map of 32 texels per side with 3 levels, 0.11 MiB for all materials"
@@ -137,14 +137,14 @@ def test_a_sky_is_filtered_beside_the_material(
     assert (tmp_path / "again.ktx2").read_bytes() == (out / "prefiltered.ktx2").read_bytes()
     # A new export takes away what the old one left, and no sky of its owner's.
     shutil.copy(place, out / "sky.exr")
-    assert main(["export", str(result), "--to", str(out), "--force", "-q"]) == 0
+    assert main(["export", str(result), "--out", str(out), "--force", "-q"]) == 0
     assert not list(out.glob("prefiltered*"))
     assert (out / "sky.exr").exists()
 
 
 @pytest.mark.slow
 def test_solved_texels_are_nearer_than_rounded_ones(result: Path, tmp_path: Path, capsys) -> None:
-    assert main(["export", str(result), "--to", str(tmp_path / "out"), "--quantize", "png8", "--json"]) == 0
+    assert main(["export", str(result), "--out", str(tmp_path / "out"), "--quantize", "png8", "--json"]) == 0
     found = errors(capsys.readouterr().out)
     assert list(found) == ["as fitted", "each texel rounded", "solved for png8"]
     assert found["solved for png8"]["log_difference"] < 0.95 * found["each texel rounded"]["log_difference"]
@@ -153,9 +153,9 @@ def test_solved_texels_are_nearer_than_rounded_ones(result: Path, tmp_path: Path
 @pytest.mark.slow
 def test_an_export_of_8_bits_stays_as_it_is(result: Path, tmp_path: Path) -> None:
     first, again, wider = (tmp_path / name for name in ("first", "again", "wider"))
-    assert main(["export", str(result), "--to", str(first), "--quantize", "png8", "-q"]) == 0
-    assert main(["export", str(first), "--to", str(again), "-q"]) == 0
-    assert main(["export", str(first), "--to", str(wider), "--format", "exr16", "-q"]) == 0
+    assert main(["export", str(result), "--out", str(first), "--quantize", "png8", "-q"]) == 0
+    assert main(["export", str(first), "--out", str(again), "-q"]) == 0
+    assert main(["export", str(first), "--out", str(wider), "--format", "exr16", "-q"]) == 0
     for texture in ("texture_0.png", "texture_1.png"):
         assert (again / texture).read_bytes() == (first / texture).read_bytes()
     assert sorted(path.name for path in wider.glob("texture_*")) == ["texture_0.exr", "texture_1.exr"]
@@ -163,16 +163,16 @@ def test_an_export_of_8_bits_stays_as_it_is(result: Path, tmp_path: Path) -> Non
 
 @pytest.mark.slow
 def test_an_engine_keeps_8_bits_if_it_reads_them(monkeypatch: pytest.MonkeyPatch, result: Path, tmp_path: Path) -> None:
-    assert main(["export", str(result), "--to", str(tmp_path / "first"), "--format", "png8", "-q"]) == 0
+    assert main(["export", str(result), "--out", str(tmp_path / "first"), "--format", "png8", "-q"]) == 0
     for name, formats, ending in (("reads", ("exr16", "png8"), ".png"), ("reads-not", ("exr16", "exr"), ".exr")):
         monkeypatch.setitem(ENGINES, name, Engine(name, formats, lambda _: Added({"README.md": "Read it."}), "a file"))
-        assert main(["export", str(tmp_path / "first"), "--to", str(tmp_path / name), "--engine", name, "-q"]) == 0
+        assert main(["export", str(tmp_path / "first"), "--out", str(tmp_path / name), "--engine", name, "-q"]) == 0
         assert (tmp_path / name / f"texture_0{ending}").exists()
 
 
 @pytest.mark.slow
 def test_the_table_and_the_files_are_on_the_screen(result: Path, tmp_path: Path, capsys) -> None:
-    assert main(["export", str(result), "--to", str(tmp_path / "out"), "--format", "exr16"]) == 0
+    assert main(["export", str(result), "--out", str(tmp_path / "out"), "--format", "exr16"]) == 0
     shown = capsys.readouterr().out
     for words in (
         "held out",
@@ -191,11 +191,11 @@ def test_a_file_that_is_gone_leaves_the_difference_alone(result: Path, tmp_path:
     fitted = homofact.load(str(result))
     fitted.provenance["source"] = {"file": "gone.brdf"}
     fitted.save(tmp_path / "fit.npz")
-    assert main(["export", str(tmp_path / "fit.npz"), "--to", str(tmp_path / "out"), "--json"]) == 0
+    assert main(["export", str(tmp_path / "fit.npz"), "--out", str(tmp_path / "out"), "--json"]) == 0
     streams = capsys.readouterr()
     assert set(errors(streams.out)["as fitted"]) == {"log_difference"}
     assert "gone.brdf, is neither in the working folder nor beside" in streams.err
-    refused = ["export", str(tmp_path / "fit.npz"), "--to", str(tmp_path / "two"), "--quantize", "png8"]
+    refused = ["export", str(tmp_path / "fit.npz"), "--out", str(tmp_path / "two"), "--quantize", "png8"]
     assert main(refused) == 2
     assert "expected the samples to solve on" in capsys.readouterr().err
     assert not (tmp_path / "two").exists()
@@ -203,7 +203,7 @@ def test_a_file_that_is_gone_leaves_the_difference_alone(result: Path, tmp_path:
 
 
 def test_html_is_the_page_of_view(result: Path, tmp_path: Path, capsys) -> None:
-    assert main(["export", str(result), "--to", str(tmp_path), "--format", "html", "-q"]) == 0
+    assert main(["export", str(result), "--out", str(tmp_path), "--format", "html", "-q"]) == 0
     assert (tmp_path / "view.html").read_text(encoding="utf-8").startswith("<!doctype html>")
 
 
@@ -211,13 +211,13 @@ def test_html_is_the_page_of_view(result: Path, tmp_path: Path, capsys) -> None:
 def test_sums_of_products_go_the_same_way(tmp_path: Path, capsys) -> None:
     out = tmp_path / "svd"
     assert main(["factorize", *MODEL, "--method", "svd", "--size", "8", "--out", str(out), "-q"]) == 0
-    assert main(["export", str(out), "--to", str(tmp_path / "e"), "--format", "png16", "--json"]) == 0
+    assert main(["export", str(out), "--out", str(tmp_path / "e"), "--format", "png16", "--json"]) == 0
     assert errors(capsys.readouterr().out)["stored as png16"]["log_difference"] < 0.05
     again, before = homofact.load(str(tmp_path / "e")), homofact.load(str(out))
     source = homofact.read("material:lafortune-blue-paint", count=100)
     pairs = source.samples.wi, source.samples.wo
     assert np.allclose(again.evaluate(*pairs), before.evaluate(*pairs), atol=1e-3)
-    assert main(["export", str(out), "--to", str(tmp_path / "q"), "--quantize", "png8", "--json"]) == 0
+    assert main(["export", str(out), "--out", str(tmp_path / "q"), "--quantize", "png8", "--json"]) == 0
     assert set(errors(capsys.readouterr().out)) == {"as fitted", "each texel rounded"}
 
 
@@ -239,7 +239,7 @@ def test_sums_of_products_go_the_same_way(tmp_path: Path, capsys) -> None:
     ],
 )
 def test_what_cannot_be_meant_is_refused_and_leaves_nothing(result, tmp_path, capsys, more, message) -> None:
-    assert main(["export", str(result), "--to", str(tmp_path / "out"), *more]) == 2
+    assert main(["export", str(result), "--out", str(tmp_path / "out"), *more]) == 2
     streams = capsys.readouterr()
     assert message in streams.err
     assert streams.err.count("\n") == 1
@@ -248,7 +248,7 @@ def test_what_cannot_be_meant_is_refused_and_leaves_nothing(result, tmp_path, ca
 
 def test_the_result_itself_is_no_place_for_its_export(result: Path, capsys) -> None:
     before = {path.name: path.read_bytes() for path in result.iterdir()}
-    assert main(["export", str(result), "--to", str(result), "--force"]) == 2
+    assert main(["export", str(result), "--out", str(result), "--force"]) == 2
     assert "and no export, expected a new or empty folder" in capsys.readouterr().err
     assert {path.name: path.read_bytes() for path in result.iterdir()} == before
 
@@ -260,9 +260,9 @@ def test_results_of_a_newer_version(result: Path, tmp_path: Path, capsys) -> Non
         arrays = {name: archive[name] for name in archive.files}
     header = json.loads(str(arrays["header"])) | {"format_version": 99}
     write_arrays(path, arrays | {"header": np.array(json.dumps(header))})
-    assert main(["export", str(tmp_path / "newer"), "--to", str(tmp_path / "out")]) == 2
+    assert main(["export", str(tmp_path / "newer"), "--out", str(tmp_path / "out")]) == 2
     assert "format version 99, expected at most 1 (update homofact)" in capsys.readouterr().err
-    assert main(["export", str(tmp_path / "none"), "--to", str(tmp_path / "out")]) == 2
+    assert main(["export", str(tmp_path / "none"), "--out", str(tmp_path / "out")]) == 2
     assert "no such file" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
 
@@ -274,7 +274,7 @@ def test_a_file_is_found_where_the_fit_was_given_it(tmp_path: Path, monkeypatch,
     monkeypatch.chdir(tmp_path)
     fit = ["factorize", "far/p.brdf", "--method", "mccool", "--size", "8", "--out", "results/p", "-q"]
     assert main(fit) == 0
-    assert main(["export", "results/p", "--to", "e", "--quantize", "png8", "--json"]) == 0
+    assert main(["export", "results/p", "--out", "e", "--quantize", "png8", "--json"]) == 0
     assert "held_out" in errors(capsys.readouterr().out)["solved for png8"]
 
 
@@ -284,7 +284,7 @@ def test_an_engine_gets_its_files_and_the_likeness_of_a_look_alike_is_said(
 ) -> None:
     look = MetallicRoughness((0.3, 0.4, 0.7), 0.0, 0.65)
     monkeypatch.setattr(gltf, "fit_metallic_roughness", lambda *args, **kwargs: look)
-    asked = ["export", str(result), "--to", str(tmp_path / "out"), "--engine", "gltf"]
+    asked = ["export", str(result), "--out", str(tmp_path / "out"), "--engine", "gltf"]
     assert main([*asked, "--json"]) == 0
     answer = json.loads(capsys.readouterr().out)
     fit, alike = answer["looks"]["fit"], answer["looks"]["look-alike"]
@@ -338,7 +338,7 @@ def test_pbrt_gets_a_scene_and_the_table_is_compared(
     result: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     coarse_table(monkeypatch)
-    assert main(["export", str(result), "--to", str(tmp_path / "out"), "--engine", "pbrt"]) == 0
+    assert main(["export", str(result), "--out", str(tmp_path / "out"), "--engine", "pbrt"]) == 0
     shown = " ".join(capsys.readouterr().out.split())
     assert "brdf.bsdf: log_mse" in shown
     assert "manifest.json, scene.pbrt, material.pbrt, brdf.bsdf" in shown
@@ -352,7 +352,7 @@ def test_pbrt_gets_a_scene_and_the_table_is_compared(
 
 
 def test_engines_refuse_what_they_do_not_take(result: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    asked = ["export", str(result), "--to", str(tmp_path / "out"), "--engine"]
+    asked = ["export", str(result), "--out", str(tmp_path / "out"), "--engine"]
     for more, said in (
         (["unity"], "engine: found 'unity', expected one of three"),
         (["three", "--format", "bc6h"], "format: found 'bc6h' with engine three, expected one of exr16, exr, png8"),

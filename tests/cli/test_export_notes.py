@@ -32,7 +32,7 @@ def test_a_fit_that_its_verdict_does_not_trust_is_exported_with_the_verdict(
     report = json.loads((copy / "report.json").read_text())
     report["verdict"] |= {"trusted": trusted, "summary": "a word on it"}
     (copy / "report.json").write_text(json.dumps(report))
-    assert main(["export", str(copy), "--to", str(tmp_path / "engine")]) == 0
+    assert main(["export", str(copy), "--out", str(tmp_path / "engine")]) == 0
     streams = capsys.readouterr()
     assert ("read the verdict before you ship: a word on it" in streams.err) is not trusted
     assert ("Verdict on the fit: a word on it" in streams.out) is trusted

@@ -29,14 +29,24 @@ def test_alone_it_greets_with_commands_that_exist(capsys: pytest.CaptureFixture[
         assert f"│ {each} " in helped
 
 
-def test_a_long_help_shows_ten_options_and_all_when_asked(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_long_help_shows_everyday_options_and_all_when_asked(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["factorize", "--help"]) == 0
     short = capsys.readouterr().out
     assert main(["factorize", "--help-all"]) == 0
     whole = capsys.readouterr().out
-    for name in ("--out", "--method", "--textures", "--size", "--bytes", "--effort", "--channels", "--help-all"):
+    for name in (
+        "--out",
+        "--method",
+        "--textures",
+        "--size",
+        "--bytes",
+        "--effort",
+        "--channels",
+        "--calibrate",
+        "--help-all",
+    ):
         assert f"{name} " in short
-    for name in ("--smoothing", "--search-samples", "--calibrate", "--projections", "--held-out"):
+    for name in ("--smoothing", "--search-samples", "--projections", "--held-out"):
         assert f"{name} " not in short
         assert f"{name} " in whole
     # A command that is short anyway hides nothing.
@@ -92,6 +102,25 @@ def test_the_name_of_an_older_version_is_answered_with_that_of_now(
     assert not list(tmp_path.iterdir())
     # What it names is a command.
     assert main([*now.split()[1:2], *(now.split()[2:3] if "research" in now else []), "--help"]) == 0
+
+
+@pytest.mark.parametrize(
+    ("words", "now"),
+    [(["export", "fit", "--to", "engine"], "--out"), (["plan", "scene.toml", "--write", "choices"], "--out")],
+)
+def test_an_option_of_an_older_version_is_answered_with_its_name_now(
+    words: list[str], now: str, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(words) == 2
+    said = capsys.readouterr()
+    command, _, old, _ = words
+    line = f"homofact: {old}: no option of this version, now: {now} (see homofact {command} --help)\n"
+    assert (said.out, said.err) == ("", line)
+    assert not list(tmp_path.iterdir())
+    # What it names is an option of the command.
+    assert main([command, "--help"]) == 0
+    assert now in capsys.readouterr().out
 
 
 def test_hidden_options_work_as_before(capsys: pytest.CaptureFixture[str]) -> None:

@@ -112,7 +112,7 @@ def test_folders_exports_and_pages_of_hostile_channels(tmp_path: Path, capsys: p
         # In one of two formats.
         folder = tmp_path / str(k)
         form = ("exr", "png8")[k % 2]
-        assert main(["export", str(tmp_path / "fit.npz"), "--to", str(folder), "--format", form]) == 0
+        assert main(["export", str(tmp_path / "fit.npz"), "--out", str(folder), "--format", form]) == 0
         for file in folder.glob("brdf.*"):
             assert not set(file.read_text("utf-8")) & set(FORBIDDEN)
         assert open_result(folder).channels == fitted.channels

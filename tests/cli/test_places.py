@@ -122,9 +122,9 @@ def test_force_leaves_what_is_not_homofacts(tmp_path: Path) -> None:
     assert main([*FIT, "--out", out, "-q", "--force", "--seed", "3"]) == 0
     assert (tmp_path / "out" / "notes.txt").read_text() == "mine"
     assert json.loads((tmp_path / "out" / "report.json").read_text())["seed"] == 3
-    assert main(["export", out, "--to", str(tmp_path / "engine"), "-q"]) == 0
+    assert main(["export", out, "--out", str(tmp_path / "engine"), "-q"]) == 0
     (tmp_path / "engine" / "level.map").write_text("mine")
-    assert main(["export", out, "--to", str(tmp_path / "engine"), "--format", "png8", "-q", "--force"]) == 0
+    assert main(["export", out, "--out", str(tmp_path / "engine"), "--format", "png8", "-q", "--force"]) == 0
     names = sorted(path.name for path in (tmp_path / "engine").iterdir())
     assert "level.map" in names
     assert not [name for name in names if name.endswith(".exr")]

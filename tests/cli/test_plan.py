@@ -41,12 +41,12 @@ def test_a_plan_leaves_its_choices_and_a_figure(
     scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out, figure = tmp_path / "o", tmp_path / "p.png"
-    command = ["plan", str(scene), *QUICK, "--write", str(out), "--plot", str(figure), "--against", "overcast"]
+    command = ["plan", str(scene), *QUICK, "--out", str(out), "--plot", str(figure), "--against", "overcast"]
     assert main([*command, "--json"]) == 0
     streams = capsys.readouterr()
     found = json.loads(streams.out)
     # The first that has textures.
-    assert f"homofact export {out / '2-cook-torrance-plastic'} --to FOLDER --engine three" in streams.err
+    assert f"homofact export {out / '2-cook-torrance-plastic'} --out FOLDER --engine three" in streams.err
     clay, plastic = found["materials"]
     assert clay["choice"]["method"] == "constant"
     assert clay["choice"]["bytes"] == 12
@@ -82,7 +82,7 @@ def test_quiet_says_nothing_where_a_plan_is_written(
     # Verdicts under the other lighting are for --json alone.
     monkeypatch.setattr(PlanResult, "record", None)
     scene.write_text(SCENE.replace("cook-torrance-plastic", "lafortune-clay"))
-    assert main(["plan", str(scene), *QUICK, "--write", str(tmp_path / "o"), "-q"]) == 0
+    assert main(["plan", str(scene), *QUICK, "--out", str(tmp_path / "o"), "-q"]) == 0
     said = capsys.readouterr()
     assert (said.out, said.err) == ("", "")
     assert (tmp_path / "o" / "plan.json").is_file()
@@ -128,7 +128,7 @@ def test_a_folder_with_something_else_is_left_alone(
 ) -> None:
     (tmp_path / "o").mkdir()
     (tmp_path / "o" / "thesis.txt").write_text("years of work")
-    assert main(["plan", str(scene), "--write", str(tmp_path / "o"), "--force"]) == 2
+    assert main(["plan", str(scene), "--out", str(tmp_path / "o"), "--force"]) == 2
     assert "found thesis.txt in it" in capsys.readouterr().err
 
 
@@ -160,12 +160,12 @@ def test_odd_data_are_named_beside_the_choice(tmp_path: Path, capsys: pytest.Cap
         '[[material]]\nsource = "odd.csv"\nshare = 1\n[lighting]\nnamed = "overcast"\n[tolerance]\nreflected = 5\n'
     )
     out = tmp_path / "out"
-    assert main(["plan", str(file), *QUICK, "--strict", "--write", str(out)]) == 2
+    assert main(["plan", str(file), *QUICK, "--strict", "--out", str(out)]) == 2
     assert "refused because it is" in capsys.readouterr().err
     assert not out.exists()
-    assert main(["plan", str(file), *QUICK, "--write", str(out)]) == 0
+    assert main(["plan", str(file), *QUICK, "--out", str(out)]) == 0
     streams = capsys.readouterr()
-    assert f"homofact export {out / '1-odd'} --to FOLDER" in streams.err
+    assert f"homofact export {out / '1-odd'} --out FOLDER" in streams.err
     shown = " ".join(streams.out.split())
     assert re.search("warning: [0-9]+% likely to be bad .findings: quantised", shown)
     record = json.loads((out / "plan.json").read_text())["materials"][0]

@@ -39,7 +39,7 @@ def test_a_missed_tolerance_is_printed_and_written_and_then_refused(
     tables = []
     for name, strict in (("lenient", []), ("strict", ["--strict"])):
         out, figure = tmp_path / name, tmp_path / f"{name}.png"
-        code = main(["plan", str(scene), *QUICK, "--write", str(out), "--plot", str(figure), *strict])
+        code = main(["plan", str(scene), *QUICK, "--out", str(out), "--plot", str(figure), *strict])
         assert code == (2 if strict else 0)
         said = capsys.readouterr()
         tables.append(said.out)
@@ -56,7 +56,7 @@ def test_a_fit_that_its_verdict_refuses_is_printed_and_not_written(
 ) -> None:
     scene.write_text(SCENE.format(most=1.9))
     out = tmp_path / "out"
-    assert main(["plan", str(scene), *QUICK, "--strict", "--json", "--write", str(out)]) == 2
+    assert main(["plan", str(scene), *QUICK, "--strict", "--json", "--out", str(out)]) == 2
     said = capsys.readouterr()
     assert json.loads(said.out)["materials"][0]["met"] is True
     assert not out.exists()

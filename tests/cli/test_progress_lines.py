@@ -103,7 +103,7 @@ def test_no_slow_library_is_loaded_before_progress_is_shown() -> None:
     commands = [
         ["plan", "s.toml"], ["relight", "s.toml", "--out", "o"], ["edit", "s.toml", "--out", "o"],
         ["measure", "--out", "o"], ["compare", "material:phong-30"], ["factorize", "material:phong-30", "--out", "o"],
-        ["sweep", "s.toml", "--out", "o"], ["export", "fit", "--to", "o"], ["info", "s.brdf"], ["view", "fit"],
+        ["sweep", "s.toml", "--out", "o"], ["export", "fit", "--out", "o"], ["info", "s.brdf"], ["view", "fit"],
         ["render", "fit", "--out", "o.png"],
     ]  # fmt: skip
     script = (

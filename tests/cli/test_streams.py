@@ -67,8 +67,8 @@ def test_names_that_are_no_utf_8(tmp_path: Path) -> None:
         ["convert", *source, str(table)],
         ["info", str(table)],
         ["factorize", str(table), "--method", "mccool", "--size", "4", "--out", str(fit), "-q"],
-        ["export", str(fit), "--to", str(engine), "-q"],
-        ["export", str(fit), "--to", f"{engine}-2", "--format", "ktx2", "-q"],
+        ["export", str(fit), "--out", str(engine), "-q"],
+        ["export", str(fit), "--out", f"{engine}-2", "--format", "ktx2", "-q"],
         ["view", str(fit), "--out", str(place / "page.html"), "-q"],
         ["render", str(fit), "--out", str(place / "sphere.png"), "--size", "16", "-q"],
     )

@@ -111,7 +111,7 @@ def test_the_commands_take_it(name: str, tmp_path: Path, monkeypatch: pytest.Mon
         assert main(["render", place(name), "--size", "16", "--out", str(tmp_path / "sphere.png"), "-q"]) == 0
         assert (tmp_path / "sphere.png").is_file()
         return
-    assert main(["export", place(name), "--to", str(out), "-q"]) == 0
+    assert main(["export", place(name), "--out", str(out), "-q"]) == 0
     again: Any = homofact.load(str(out))
     np.testing.assert_allclose(again.evaluate(*directions()), VALUES[name], rtol=1e-4, atol=1e-6)
 

@@ -114,7 +114,7 @@ def test_a_texture_that_earns_nothing_is_not_stored() -> None:
     fit = fit_search(drawn(along_one_angle), Search(bytes=4 * 200, **FAST))
     assert len(fit.factorization.terms) < 3
     # The note counts the textures of this fit, not those that one size would have kept.
-    told = [note for note in fit.report.notes if "textures kept" in note]
+    told = [note for note in fit.report.notes if "the search kept" in note]
     assert [note.split()[0] for note in told] == [str(len(fit.factorization.terms))]
     assert (
         fit_search(drawn(along_one_angle), Search(bytes=4 * 200, **FAST)).report.details["shapes"]

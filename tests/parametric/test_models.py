@@ -200,7 +200,7 @@ def test_what_wants_textures_refuses_a_model(tmp_path: Path, capsys: pytest.Capt
     place = tmp_path / "a.npz"
     homofact.Ggx().fit(sample_model(GGX, 300, "lobe", 0)).save(place)
     for command in (
-        ["export", str(place), "--to", str(tmp_path / "b")],
+        ["export", str(place), "--out", str(tmp_path / "b")],
         ["view", str(place), "--out", str(tmp_path / "c.html")],
     ):
         assert main(command) == 2

@@ -62,7 +62,9 @@ class Finding:
     @property
     def costs(self) -> str:
         """What it costs, in words; "" where that is next to nothing."""
-        return "" if self.cost is None or self.cost < WORTH_SAYING else f"widens the error bar {self.cost:.2g} times"
+        if self.cost is None or self.cost < WORTH_SAYING:
+            return ""
+        return f"this makes the limits of the verdict up to {self.cost:.2g} times wider"
 
     def record(self) -> dict[str, Any]:
         """Return a JSON-able dictionary."""
