@@ -18,7 +18,7 @@ from homofact.brdf.source_names import (
 )
 from homofact.errors import BadInput
 from homofact.methods.search import Search
-from homofact.methods.table import METHODS, MODELS_BY_NAME, made, made_each, unused_settings
+from homofact.methods.table import METHODS, MODELS_BY_NAME, SHIPPED, made, made_each, unused_settings
 from homofact.settings.options import check_options, none_twice, option
 
 if TYPE_CHECKING:
@@ -76,8 +76,8 @@ class SourceSettings(_Checked):
     scheme: str = option(DEFAULT_SCHEME, "Where pairs are drawn from an analytic model", choices=SCHEMES, panel=SOURCE)
     calibrate: tuple[str, ...] = option(
         DEFAULT_CALIBRATE,
-        "Faults of the instrument to correct; auto corrects a tilt in a whole table if the evidence is clear, tilt also"
-        " in a list of samples",
+        "Faults of the instrument to correct. tilt: that of the sample; auto: the same, but only in a whole table and"
+        " only if the evidence is clear",
         choices=CALIBRATIONS, separators="+,", metavar="A+B",
         expected_instead=none_twice, panel=SOURCE, everyday=True,
     )  # fmt: skip
@@ -214,16 +214,19 @@ class FitSection:
     """
 
     method: str = option(
-        Search.name, f"Fitting method (cole reproduces Cole's thesis): {', '.join(METHODS)}", panel=FIT, everyday=True
+        Search.name,
+        f"Fitting method (cole reproduces Cole's thesis, ggx has no textures): {', '.join(SHIPPED)}",
+        panel=FIT,
+        everyday=True,
     )
     settings: Mapping[str, Any] = field(default_factory=dict)
     places: Mapping[str, str] = field(default_factory=dict)
 
     def method_alone(self) -> "Method":
-        """Return the method with all of the settings. Raises BadInput for one that gives no textures too."""
-        # "ggx:2" is a model as well as "ggx".
-        if self.method.partition(":")[0] in MODELS_BY_NAME:
-            expected = f"one of {', '.join(METHODS)}; models without textures are for homofact compare"
+        """Return the method with all of the settings. Raises BadInput for one that makes no shaders too."""
+        # "npf" is a model as well as "ggx:2".
+        if self.method.partition(":")[0] in MODELS_BY_NAME.keys() - SHIPPED.keys():
+            expected = f"one of {', '.join(SHIPPED)}; other models are for homofact compare"
             raise BadInput(where=self.places.get("method", "method"), found=repr(self.method), expected=expected)
         return self._placed(lambda: made(self.method, self.settings))
 

@@ -231,6 +231,10 @@ class _Work:
         from homofact.factor.quantize import is_solved
 
         made = exported(self.fitted, self.format)
+        if not self.fitted.textures:
+            if quantize is not None:
+                raise BadInput(where="quantize", found=f"{quantize} for a model without texels", expected="none")
+            return made, {"as fitted": self.fitted}
         if quantize is None:
             return made, {"as fitted": self.fitted, f"stored as {self.format.name}": made}
         self.steps.stage("solving for whole texels")

@@ -2,8 +2,13 @@
 
 Radial basis functions (thin plates, r² log r with a linear part) interpolate log(f/A + ε), A the mean of the
 samples per channel, over the places of `brdf.places`. Up to `GLOBAL_LIMIT` samples make one smooth surface, more are
-interpolated from the nearest `neighbours`. The result stays within the range of the samples' logs, so that nothing is
-invented outside the measured angles.
+interpolated from the nearest `neighbours`. The result stays within the range of the samples' logs.
+
+Of isotropic samples, what is interpolated is log(f/A + ε) less that of a GGX model with two lobes fitted to them. A
+highlight between two measured rings is then the model's, corrected by what the rings differ from it, where a smooth
+surface alone flattens it: the model need not be right, only its difference from the samples smoother than the samples.
+This difference stays within its range at the samples, so outside the measured angles the result follows the model: a
+highlight grows towards grazing angles, up to `_MOST_BRIGHTER` times the brightest sample.
 
 The misplaced light of isotropic samples is 1.2% (geometric mean of seven materials on three layouts); with φd at its
 full weight everywhere, where a sample at the mirror direction is far from its neighbours, it is 3.3%.
@@ -12,6 +17,7 @@ the coordinates of both directions, which lose highlights between lights, it is 
 (`scripts/accuracy/interpolated_samples.py`).
 """
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar
@@ -20,6 +26,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from homofact.brdf.analytic.ggx import GgxBrdf
+from homofact.brdf.analytic.ggx_fit import fit_ggx
 from homofact.brdf.in_kind import answering_in_kind
 from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.places import READ_AZIMUTH, half_places
@@ -31,6 +39,12 @@ if TYPE_CHECKING:
     from scipy.interpolate import RBFInterpolator
 
 GLOBAL_LIMIT = 2000
+# Of the model whose difference from isotropic samples is interpolated: the fewest samples that it is fitted to, and the
+# most channels with colours of their own in it; of more it is the mean.
+_LEAST_SAMPLES, _MOST_COLOURS = 100, 4
+_MOST_BRIGHTER = 100.0
+# Its F0 at least, that of water: of samples that stop short of grazing angles, less could mean any growth there.
+_LEAST_REFLECTANCE = 0.02
 
 
 @dataclass(frozen=True)
@@ -39,13 +53,15 @@ class Scattered:
 
     `smoothing` ≥ 0 is scipy's λ: 0 goes through every sample, and fails where two samples fall together.
     `epsilon` > 0 is the ε of the logarithm, `neighbours` the number read where there are too many samples
-    for one surface. Raises BadInput for numbers out of range and for too few samples.
+    for one surface. `lobes` ≥ 0 are those of the model of isotropic samples, 0 for no model. Raises BadInput for
+    numbers out of range and for too few samples.
     """
 
     samples: Samples
     smoothing: float = 1e-3
     epsilon: float = 1e-2
     neighbours: int = 32
+    lobes: int = 2
 
     of_samples: ClassVar[bool] = True
 
@@ -55,6 +71,8 @@ class Scattered:
             raise BadInput(where="smoothing", found=self.smoothing, expected="0 or more")
         if not self.epsilon > 0:
             raise BadInput(where="epsilon", found=self.epsilon, expected="above 0")
+        if not self.lobes >= 0:
+            raise BadInput(where="lobes", found=self.lobes, expected="0 or more")
         least = self._dimension + 2
         if min(self.neighbours, len(self.samples)) < least:
             raise BadInput(
@@ -91,10 +109,22 @@ class Scattered:
         if not bool(above.any()):
             return values
         place = self._place(wi[above].double(), wo[above].double())
-        low, high = self._logs.min(0), self._logs.max(0)
-        logs = torch.from_numpy(self._interpolate(place).clip(low, high))
-        values[above] = self._transform.inverse(logs).to(values)
+        modelled = self._logs_of_model(wi[above], wo[above])
+        apart = self._apart
+        found = self._interpolate(place).clip(apart.min(0), apart.max(0)) + modelled
+        if self._model is not None:
+            found = found.clip(None, self._logs.max(0) + math.log(_MOST_BRIGHTER))
+        values[above] = self._transform.inverse(torch.from_numpy(found)).to(values)
         return values
+
+    @property
+    def follows_model(self) -> bool:
+        """Whether a model is followed outside the measured angles."""
+        return self._model is not None
+
+    def modelled(self, wi: Tensor, wo: Tensor) -> Tensor:
+        """Return the model's own values (N, C) in sr⁻¹; 0 without one."""
+        return self._transform.inverse(torch.from_numpy(self._logs_of_model(wi, wo))).to(wi)
 
     @property
     def _dimension(self) -> int:
@@ -116,6 +146,30 @@ class Scattered:
         return self._transform.forward(self.samples.values.cpu()).numpy()
 
     @cached_property
+    def _apart(self) -> np.ndarray:
+        """The logs of the samples less those of the model: what is interpolated."""
+        return self._logs - self._logs_of_model(self.samples.wi, self.samples.wo)
+
+    @cached_property
+    def _model(self) -> GgxBrdf | None:
+        """The model in units of A, of one channel if there are too many; None without lobes, and of few samples."""
+        if not self.lobes or not self.samples.isotropic or len(self.samples) < _LEAST_SAMPLES:
+            return None
+        values = self.samples.values.cpu().double() / torch.as_tensor(self._transform.mean)
+        names = self.channels
+        if len(names) > _MOST_COLOURS:
+            values, names = values.mean(1, keepdim=True), ("Y",)
+        wi, wo = self.samples.wi.cpu().double(), self.samples.wo.cpu().double()
+        return fit_ggx(Samples(wi, wo, values, channels=names, isotropic=True), self.lobes, 0, _LEAST_REFLECTANCE)[0]
+
+    def _logs_of_model(self, wi: Tensor, wo: Tensor) -> np.ndarray:
+        """log(f/A + ε) of the model (N, C); 0 without one."""
+        if self._model is None:
+            return np.zeros((len(wi), len(self.channels)))
+        values = self._model.evaluate(wi.cpu().double(), wo.cpu().double())
+        return self._transform.forward(values * torch.as_tensor(self._transform.mean)).numpy()
+
+    @cached_property
     def _thin_plate(self) -> "RBFInterpolator":
         return self._interpolator("thin_plate_spline", 1)
 
@@ -128,7 +182,7 @@ class Scattered:
 
         return RBFInterpolator(
             self._place(self.samples.wi, self.samples.wo),
-            self._logs,
+            self._apart,
             neighbors=None if self._whole else min(self.neighbours, len(self.samples)),
             smoothing=self.smoothing,
             kernel=kernel,

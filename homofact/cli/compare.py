@@ -162,7 +162,10 @@ def _ratio_lines(found: "FitsComparison") -> list[str]:
             for name, one in several.items()
         )
         count = next(iter(several.values())).count
-        lines.append(f"{found.best} over {label}, 95% interval over {count} samples in brackets: {', '.join(parts)}")
+        lines.append(
+            f"Errors of {found.best} divided by those of {label} (in brackets the 95% interval, from {count} samples):"
+            f" {', '.join(parts)}"
+        )
     if not all(one.clear for several in found.ratios.values() for one in several.values()):
         lines.append("An interval that contains 1 shows no difference.")
     return lines

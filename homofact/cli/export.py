@@ -128,7 +128,7 @@ def _show(found: ExportResult, folder: Path, engine: str | None, screen: Screen)
         *([] if found.likeness is None else [Text(found.likeness.phrase)]),
         f"{folder}: {', '.join(found.files)}",
         "",
-        _next_line(folder, engine, found.files),
+        _next_line(folder, engine, found.files, cost.fetches),
     )
 
 
@@ -137,12 +137,13 @@ def _is_doubted(found: ExportResult) -> bool:
     return found.verdict is not None and not found.verdict["trusted"]
 
 
-def _next_line(folder: Path, engine: str | None, files: Sequence[str]) -> str | Text:
+def _next_line(folder: Path, engine: str | None, files: Sequence[str], fetches: int) -> str | Text:
     """What to do with the folder; a line with a place in it is not wrapped."""
     if engine is None:
+        loaded = "; manifest.json tells a loader how to read the textures" if fetches else ""
         return Text(
-            "Call homofact_evaluate(wi, wo) of brdf.glsl, .hlsl, .wgsl or .c; manifest.json tells a loader how to read"
-            " the textures. For files that an engine loads: --engine three, gltf, materialx, godot, blender or pbrt"
+            f"Call homofact_evaluate(wi, wo) of brdf.glsl, .hlsl, .wgsl or .c{loaded}. For files that an engine loads:"
+            " --engine three, gltf, materialx, godot, blender or pbrt"
         )
     if README in files:
         return f"Load it: {folder / README} explains how"

@@ -79,7 +79,7 @@ def factorize(
                 for line in (verdict_line(verdict), *where_lines(verdict), *cause_lines(verdict))
             ),
             f"{found.folder}: factorization.npz, manifest.json, report.json"
-            + ", every texture as .exr and .png" * (not found.left_out),
+            + ", every texture as .exr and .png" * (bool(found.row.factorization.textures) and not found.left_out),
             *([f"The picture: {found.picture}"] if found.picture else []),
             "",
             error_table(records),

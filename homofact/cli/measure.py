@@ -133,7 +133,7 @@ def _shown(found: "MeasureResult") -> list[Any]:
         "samples so far": str(count),
         "sphere PSNR": f"about {told.psnr:.1f} dB, above {told.psnr_least:.1f} dB for nine of ten materials",
         "albedo": albedo,
-        "of it, highlight": highlight,
+        "highlight, part of the albedo": highlight,
         "chosen": f"{len(found.angles)} directions"
         + (f" of {len(found.incidences)} incidences" if found.incidences else ""),
         "squared error": f"expected to fall to {found.remaining:.0%} of the present one",

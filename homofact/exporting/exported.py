@@ -203,6 +203,6 @@ def _codes(made: Exported) -> dict[str, str]:
     # The C code holds the texels decoded.
     plain = [as_floats(texture.texels) for texture in made.stored.textures]
     program = program_of(made.stored, plain)
-    last = f"The texels below are those of {', '.join(made.names)}, decoded."
-    code = c_source(replace(program, title=(*program.title, last)), [texture.stored for texture in plain])
+    last = (f"The texels below are those of {', '.join(made.names)}, decoded.",) if made.names else ()
+    code = c_source(replace(program, title=(*program.title, *last)), [texture.stored for texture in plain])
     return texts | {"brdf.c": code + functions_in_c(more)}

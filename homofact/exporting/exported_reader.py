@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from homofact.brdf.analytic.ggx import GgxBrdf, GgxLobe
 from homofact.brdf.log_transform import LogTransform
 from homofact.containers.exr import exr_channel_names
 from homofact.containers.formats import FORMATS, MOST_SIDE
@@ -20,6 +21,7 @@ from homofact.factor.projection import WARPED_AXES, Projection, Warp
 from homofact.files.arrays import MOST_VALUE
 from homofact.files.fields import Fields
 from homofact.geometry.coordinates import COORDINATES, CoordinateSystem
+from homofact.parametric.model_fit import ModelFit
 from homofact.separable.decomposition_names import MAP_NAMES, SIDES
 from homofact.separable.separable import Separable, SeparableTerm
 from homofact.shading.encoded import LEVELS, Encoded
@@ -28,6 +30,7 @@ FORMAT = "homofact export"
 FORMAT_VERSION = 1
 MANIFEST = "manifest.json"
 _MOST_TERMS = 1000
+_MOST_LOBES = 4
 
 
 @dataclass(frozen=True)
@@ -58,8 +61,8 @@ def whole_format(folder: str | os.PathLike[str]) -> str | None:
     return name if isinstance(name, str) and name in FORMATS and FORMATS[name].storage in LEVELS else None
 
 
-def open_exported(folder: str | os.PathLike[str]) -> Factorization | Separable:
-    """Return the fit that an export's textures give.
+def open_exported(folder: str | os.PathLike[str]) -> Factorization | Separable | ModelFit:
+    """Return the fit that an export's textures give, or that the numbers of its model do.
 
     Whole texels keep their grid: exported again in the same format, they are the same numbers.
     Raises BadInput, one line, for a folder without a manifest, a manifest of another format or a newer version, an
@@ -73,8 +76,11 @@ def open_exported(folder: str | os.PathLike[str]) -> Factorization | Separable:
     mean = fields.inner("A").numbers("values", len(channels), above=0)
     transform = LogTransform(fields.number("epsilon", above=0), np.array(mean))
     provenance = fields.inner("provenance").found
+    kind = fields.text("kind", ("product", "sum of products", "ggx"))
+    if kind == "ggx":
+        return ModelFit(_ggx(fields.inner("model"), channels), transform, provenance)
     textures = _textures(place, fields, channels)
-    if fields.text("kind", ("product", "sum of products")) == "product":
+    if kind == "product":
         terms = tuple(_term(inner, textures) for inner in fields.inners("terms", _MOST_TERMS))
         return Factorization(terms, transform, channels, provenance)
     return _sum(fields, textures, transform, channels, provenance)
@@ -112,6 +118,19 @@ def _textures(place: Path, fields: Fields, channels: tuple[str, ...]) -> list[_T
         levels = LEVELS.get(form.storage)
         decoded.append(_Texels(texels, None if levels is None else QuantizationGrid(bias, scale / levels, levels)))
     return decoded
+
+
+def _ggx(fields: Fields, channels: tuple[str, ...]) -> GgxBrdf:
+    """The model whose numbers a manifest has."""
+    listed = fields.found.get("specular")
+    count = len(listed) if isinstance(listed, list) and 0 < len(listed) <= _MOST_LOBES else 1
+    specular = fields.rows("specular", count, len(channels))
+    shapes = [fields.numbers(name, count) for name in ("roughness", "reflectance")]
+    lobes = tuple(GgxLobe(tuple(colour), *rest) for colour, *rest in zip(specular, *shapes, strict=True))
+    try:
+        return GgxBrdf(tuple(fields.numbers("diffuse", len(channels))), lobes, channels=channels)
+    except BadInput as error:
+        raise error.at(str(fields.place)) from error
 
 
 def _term(fields: Fields, textures: list[_Texels]) -> Term[np.ndarray]:

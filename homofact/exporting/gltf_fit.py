@@ -2,7 +2,8 @@
 
 Minimised is the sum of two parts, each over its own sum without a fit:
 
-* what a sphere under small lamps shows: cube roots of f cosθi at pairs drawn along the lobe (`parametric.nonlinear`);
+* what a sphere under small lamps shows: cube roots of f cosθi at pairs drawn along the lobe
+  (`brdf.analytic.nonlinear`);
 * what a sphere under a sky shows: the 2.2nd roots of its radiance at `PLACES` places, integrated by the nodes of
   `geometry.quadrature`. Without it GGX's long tails, fitted to a material that has none, lose half of its light.
 
@@ -26,6 +27,7 @@ from scipy.optimize import least_squares
 from torch import Tensor
 
 from homofact.brdf.analytic.metallic_roughness import DIELECTRIC, MetallicRoughness, base_parts
+from homofact.brdf.analytic.nonlinear import MOST_EVALUATIONS, CubeRoots
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.sampling import sample_model
 from homofact.brdf.symmetry import light_azimuths
@@ -33,7 +35,6 @@ from homofact.errors import BadInput
 from homofact.exporting.as_source import Drawn
 from homofact.geometry.directions import from_cosine, from_spherical
 from homofact.geometry.quadrature import disc_nodes, hemisphere_nodes
-from homofact.parametric.nonlinear import MOST_EVALUATIONS, CubeRoots
 from homofact.rendering.fixed_lights import sky
 from homofact.rendering.surface import sphere_frames
 

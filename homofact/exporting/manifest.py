@@ -17,6 +17,7 @@ from homofact.version import __version__
 
 FORMAT = "homofact manifest"
 SEPARABLE_FORMAT = "homofact separable manifest"
+MODEL_FORMAT = "homofact model manifest"
 FORMAT_VERSION = 1
 
 CONVENTIONS = {
@@ -67,6 +68,13 @@ _SUM = (
     "f = max(0, sum over terms of sign * first(place of a) * second(place of b)), per channel; (a, b) = (wi, wo) for"
     " in-out, (h, d) for half-diff; a term without second reads first at both"
 )
+# By the kind of a model without textures, how its numbers make a value.
+_MODELS = {
+    "ggx": "f = diffuse/pi + sum over lobes of specular F D G / (4 cos_i cos_o), with a the lobe's roughness (alpha)"
+    " and R its reflectance: D = a^2 / (pi (cos_h^2 (a^2 - 1) + 1)^2), F = R + (1 - R) (1 - cos_d)^5, and the Smith"
+    " term of both directions together G / (4 cos_i cos_o) = 1/2 / (cos_o sqrt(cos_i^2 (1 - a^2) + a^2)"
+    " + cos_i sqrt(cos_o^2 (1 - a^2) + a^2)); h is the half vector, d the angle between it and wi",
+}
 _SUM_IMAGES = {
     "images": "EXR: the factor, linear, first scanline row 0 (v = -1), first pixel column 0 (u = -1); PNG: its absolute"
     " value for the eye, same way round, not for evaluation",
@@ -81,6 +89,9 @@ def conventions(described: Mapping[str, Any]) -> dict[str, Any]:
         kept += ["parabolic_map", "coordinates", "warp", "projection", "periodic", "rotation", "evaluation"]
         kept += ["basis"] if "basis" in described else []
         return {name: CONVENTIONS[name] for name in CONVENTIONS if name in kept}
+    if "model" in described:
+        said = {name: CONVENTIONS[name] for name in ("frame", "directions", "value")}
+        return said | {"evaluation": _MODELS.get(described["kind"], "as the paper of the model gives it")}
     own = {"evaluation": _SUM, "map": _MAPS[described["map"]]}
     return {name: CONVENTIONS[name] for name in kept} | own
 
@@ -93,7 +104,7 @@ def manifest(fitted: Fitted, files: Sequence[Mapping[str, str]]) -> dict[str, An
     textures, described = fitted.textures, fitted.describe()
     if len(files) != len(textures):
         raise BadInput(f"files of {len(files)} textures", where="manifest", expected=len(textures))
-    layout = _product if described["kind"] == "product" else _sum_of_products
+    layout = _model if "model" in described else _product if described["kind"] == "product" else _sum_of_products
     own = layout(described, textures, files)
     stored = (textures[0].components if textures else ()) or fitted.channels
     return {
@@ -130,6 +141,17 @@ def _product(
         "textures": entries,
         **({"basis": described["basis"]} if "basis" in described else {}),
         "conventions": {name: text for name, text in CONVENTIONS.items() if name != "basis" or name in described},
+    }
+
+
+def _model(
+    described: Mapping[str, Any], textures: Sequence[Texture], files: Sequence[Mapping[str, str]]
+) -> dict[str, Any]:
+    return {
+        "format": MODEL_FORMAT,
+        "A": "mean of the training samples, per channel; of the error's log transform, not of the evaluation",
+        **described,
+        "conventions": conventions(described),
     }
 
 

@@ -94,7 +94,7 @@ def evaluation_of(fitted: Evaluated) -> Evaluation:
 
 def refuse_model(fitted: object) -> NoReturn:
     """Raise BadInput for a model without textures, where these are wanted."""
-    raise BadInput("has no textures", where=repr(fitted), expected="a fit by search, cole, mccool, svd or nmf")
+    raise BadInput("has no textures", where=repr(fitted), expected="a fit by search, cole, mccool, svd, nmf or ggx")
 
 
 @dataclass(frozen=True)

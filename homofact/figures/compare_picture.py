@@ -153,7 +153,7 @@ def compare_picture(
     if samples is not None:
         swatch = _hatched(np.full((LINE - 4, 2 * LINE, 3), _GROUND), np.ones((LINE - 4, 2 * LINE), dtype=bool))
         page.picture(swatch, _GAP, end + 2)
-        words = "beyond the measurement: most light there falls from directions not measured with this view"
+        words = "beyond the measurement: most of the light comes from directions that were not measured for this view"
         end = page.text(words, _GAP + 2 * LINE + 8, end, page.width - 3 * _GAP - 2 * LINE)
     page.text(
         f"Right of each fit: (fit − source) / (source + {FLOOR:.0%} of white) in luminance; red is too bright, blue too"
@@ -209,11 +209,12 @@ def _row(light: str, images: list[SphereImage], beyond: np.ndarray | None) -> _R
 
 def _words(report: LightReport) -> str:
     """The line above a row."""
-    shares = ", ".join(f"{share:.1%}" for share in report.clipped)
-    known = "" if report.beyond is None else f", unmeasured {report.beyond:.0%}"
+    # Of red, green and blue: one figure says whether white is the material's or the curve's.
+    clipped = f", up to {max(report.clipped):.1%} clipped to white" if max(report.clipped) >= 0.0005 else ""
+    known = "" if report.beyond is None else f", {report.beyond:.0%} of the pixels beyond the measurement"
     return (
         f"{report.light[0].upper()}{report.light[1:]}: exposure {report.exposure:.3g}, {curve_in_words(report.curve)}"
-        f" curve, clipped {shares}{known}"
+        f" curve{clipped}{known}"
     )
 
 

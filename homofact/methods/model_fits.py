@@ -3,6 +3,7 @@
 import time
 from dataclasses import replace
 
+from homofact.brdf.analytic.ggx_fit import fit_ggx
 from homofact.brdf.samples import Samples
 from homofact.errors import BadInput, Report, Status
 from homofact.linear.threads import one_thread
@@ -11,7 +12,7 @@ from homofact.methods.fitting import MethodFit, ProgressCallback
 from homofact.methods.method import Method
 from homofact.methods.models import Gaussians, Ggx, Nbrdf
 from homofact.parametric.factored_fit import fit_factored
-from homofact.parametric.lobes import fit_gaussians, fit_ggx
+from homofact.parametric.gaussian_fit import fit_gaussians
 from homofact.parametric.model_fit import ModelFit
 from homofact.parametric.network import train
 

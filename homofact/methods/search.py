@@ -59,8 +59,8 @@ class Search(Method):
     )  # fmt: skip
     bytes: int | None = option(
         None,
-        "Bytes of all textures as float32, instead of a size; the search then chooses the number of textures (up to 3"
-        " or the given number) and their rows and columns",
+        "Bytes of all textures as float32, instead of a size (8 bits take a third of them on the graphics card). The"
+        " search then chooses up to three textures, or more if you allow more, with their rows and columns",
         above=0, none="given by the number of textures and their size", everyday=True,
     )  # fmt: skip
     reciprocal: bool | None = option(None, "Enforce f(wi, wo) = f(wo, wi)", none="decided by the data")

@@ -12,7 +12,7 @@ from homofact.errors import BadInput
 from homofact.methods.cole import Cole
 from homofact.methods.mccool import McCool
 from homofact.methods.method import Method
-from homofact.methods.models import MODELS
+from homofact.methods.models import MODELS, Ggx
 from homofact.methods.nmf import Nmf
 from homofact.methods.search import Search
 from homofact.methods.svd import Svd
@@ -23,6 +23,8 @@ METHODS: dict[str, type[Method]] = {method.name: method for method in (Search, C
 # They have no textures and are there to be compared.
 MODELS_BY_NAME: dict[str, type[Method]] = {method.name: method for method in MODELS}
 ALL_METHODS = METHODS | MODELS_BY_NAME
+# Those whose fits become shaders: what `factorize` takes.
+SHIPPED = METHODS | {Ggx.name: Ggx}
 _RGB_TEXEL, _LEAST_SIZE = 12, 2
 
 

@@ -10,10 +10,10 @@ import torch
 from torch import Tensor
 
 from homofact.brdf.analytic.common import grazing
+from homofact.brdf.analytic.nonlinear import CubeRoots
 from homofact.brdf.factored import BINS, FactoredBrdf, bins_of, factored_values
 from homofact.brdf.samples import Samples
 from homofact.errors import Report, Status
-from homofact.parametric.nonlinear import CubeRoots
 
 MOST_SAMPLES, MOST_STEPS = 40_000, 300
 SMOOTHING = 1e-5

@@ -1,7 +1,7 @@
 """A fitted model that has no textures: parameters, tables of one dimension, or a network's weights.
 
-It is evaluated, measured and saved like any other fit, so you can compare it with fits that have textures. Functions
-that need textures (shaders, exports, the viewer) reject it.
+It is evaluated, measured and saved like any other fit, so you can compare it with fits that have textures. Shaders are
+made of GGX models (`shading.ggx_statements`); functions that need textures reject every model.
 """
 
 import os
@@ -85,8 +85,10 @@ class ModelFit:
         grids: Sequence[QuantizationGrid | None] | None = None,
         facts: Mapping[str, Any] | None = None,
     ) -> "ModelFit":
-        """Raises BadInput: it has none."""
-        refuse_model(self)
+        """Return the fit, which has none. Raises BadInput for any texels."""
+        if texels:
+            refuse_model(self)
+        return self
 
     @answering_in_kind
     def evaluate(self, wi: "Tensor", wo: "Tensor") -> "Tensor":
@@ -95,8 +97,12 @@ class ModelFit:
         return self.model.evaluate(wi, wo).to(wi)
 
     def describe(self) -> dict[str, Any]:
-        """Return the kind of the model."""
-        return {"kind": _KINDS[type(self.model)].name}
+        """Return the kind of the model, and its numbers by name."""
+        kind = _KINDS[type(self.model)]
+        return {
+            "kind": kind.name,
+            "model": {name: np.asarray(x).tolist() for name, x in kind.arrays(self.model).items()},
+        }
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the one .npz file that reads back bit-identical. Raises BadInput for an unwritable place."""

@@ -29,7 +29,7 @@ from homofact.planning.plan import MaterialPlan, ScenePlan
 from homofact.planning.search import UNTRUSTED
 from homofact.planning.tolerance import MARGINS, UNLIT, WORDS
 
-_MARKERS = {ONE_COLOUR: "o", "mccool": "s", "search": "h", "svd": "^"}
+_MARKERS = {ONE_COLOUR: "o", "ggx": "D", "mccool": "s", "search": "h", "svd": "^"}
 # Okabe and Ito's, which colour-blind eyes can tell apart.
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#666666")
 _LIMIT = "#b03030"
@@ -132,7 +132,7 @@ def _asked(axes: Axes, distinct: tuple[MaterialPlan, ...], is_trusted: bool) -> 
         for spot in spots:
             hollow = spot.shown.storage == WHOLE
             face = "white" if hollow else colour
-            kind = ONE_COLOUR if spot.shown.is_colour else spot.shown.method
+            kind = ONE_COLOUR if spot.shown.is_colour else spot.shown.family
             axes.plot(*spot.place, _MARKERS[kind], color=colour, ms=_MARKER, mfc=face, zorder=3)
             if not spot.allowed:
                 axes.plot(*spot.place, "x", color=_LIMIT, ms=_CROSS, zorder=5)
@@ -248,4 +248,6 @@ def _used(axes: Axes, distinct: tuple[MaterialPlan, ...], bars: list[list[tuple[
 def _short(candidate: Candidate) -> str:
     if candidate.is_colour:
         return ONE_COLOUR
+    if candidate.lobes:
+        return candidate.method
     return f"{candidate.textures}×{candidate.size}²" + (" 8 bit" if candidate.storage == WHOLE else "")

@@ -1,9 +1,9 @@
-"""The ladder of representations, from one colour to five textures, and how each is fitted.
+"""The ladder of representations, from one colour and GGX models to five textures, and how each is fitted.
 
 A fit stands on it twice, with texels as float32 and as whole numbers of 8 bits ("png8", as `homofact export` writes
-them), which takes no second fit. Bytes are the material's own: 4 or 1 a channel of a texel. The 9 terms of "lambert-9"
-belong to the lighting (108 bytes in three channels, once a scene); it stores the same colour as "constant" and saves
-the sum over the lights.
+them), which takes no second fit; a model has no texels. Bytes are the material's own: 4 or 1 a channel of a texel, 4 a
+number of a model. The 9 terms of "lambert-9" belong to the lighting (108 bytes in three channels, once a scene); it
+stores the same colour as "constant" and saves the sum over the lights.
 """
 
 from collections.abc import Iterable
@@ -15,6 +15,7 @@ from homofact.evaluation.wording import counted
 from homofact.methods.fitting import MethodFit, ProgressCallback
 from homofact.methods.mccool import McCool
 from homofact.methods.method import Method
+from homofact.methods.models import Ggx
 from homofact.methods.search import Search
 from homofact.methods.svd import Svd
 from homofact.planning.settings import PlanSettings
@@ -37,7 +38,8 @@ SEARCHED_AT, SEARCHED_FROM = 8, 3000
 
 @dataclass(frozen=True, order=True)
 class Candidate:
-    """One rung: `method` ("constant", "lambert-9", "mccool", "search", "svd"), `textures` or terms, texels per side.
+    """One rung: `method` ("constant", "lambert-9", "ggx", "ggx:2", "mccool", "search", "svd"), `textures` or terms,
+    texels per side.
 
     `storage` is "float32" or "png8".
     """
@@ -50,14 +52,18 @@ class Candidate:
     @property
     def label(self) -> str:
         """As in records: "search 2 × 16²", "search 2 × 16², 8 bits"."""
+        if not self.textures:
+            return self.method
         bits = ", 8 bits" if self.storage == WHOLE else ""
-        return self.method if self.is_colour else f"{self.method} {self.textures} × {self.size}²{bits}"
+        return f"{self.method} {self.textures} × {self.size}²{bits}"
 
     @property
     def words(self) -> str:
-        """For someone who ships it: "one colour", "2 textures of 16², 8 bits (search)"."""
+        """For someone who ships it: "one colour", "GGX model, 1 lobe", "2 textures of 16², 8 bits (search)"."""
         if self.is_colour:
             return ONE_COLOUR
+        if self.lobes:
+            return f"GGX model, {counted(self.lobes, 'lobe')}"
         bits = "8 bits" if self.storage == WHOLE else "floats"
         unit = "term" if self.method == "svd" else "texture"
         return f"{counted(self.textures, unit)} of {self.size}², {bits} ({self.method})"
@@ -77,13 +83,26 @@ class Candidate:
         """Whether it is one colour, which takes no fit."""
         return self.method in COLOURS
 
+    @property
+    def family(self) -> str:
+        """The method without its number of lobes: "ggx" of "ggx:2"."""
+        return self.method.partition(":")[0]
+
+    @property
+    def lobes(self) -> int:
+        """Lobes of a GGX model; 0 of any other rung."""
+        return int(self.method.partition(":")[2] or 1) if self.family == Ggx.name else 0
+
     def most_bytes(self, channels: int) -> int:
         """Return bytes at most: a search may find fewer textures, or flat ones, enough."""
+        if self.lobes:
+            # A diffuse colour, and of each lobe a colour, its roughness and its reflectance.
+            return self.texel_bytes * (channels + self.lobes * (channels + 2))
         return self.texel_bytes * channels * (1 if self.is_colour else self.textures * self.size**2)
 
     def most_fetches(self, isotropic: bool) -> int:
         """Fetches expected: one a texture, two a term of an SVD or where conjugates are looked up."""
-        if self.is_colour:
+        if not self.textures:
             return 0
         if self.method == "mccool":
             return 3
@@ -99,6 +118,7 @@ class FitOptions(PlanSettings):
     progress: ProgressCallback | None = field(default=None, compare=False)
 
 
+MODELS: tuple[Candidate, ...] = (Candidate("ggx"), Candidate("ggx:2"))
 FITS: tuple[Candidate, ...] = (
     *(Candidate("mccool", MCCOOL_TEXTURES, size) for size in SIZES),
     *(Candidate("search", count, size) for count in SEARCH_TEXTURES for size in SEARCH_SIZES),
@@ -107,6 +127,7 @@ FITS: tuple[Candidate, ...] = (
 )
 LADDER: tuple[Candidate, ...] = (
     *(Candidate(name) for name in COLOURS),
+    *MODELS,
     *(replace(candidate, storage=storage) for candidate in FITS for storage in STORAGES),
 )
 
@@ -122,8 +143,10 @@ def fits_among(candidates: Iterable[Candidate]) -> int:
 
 
 def method_of(candidate: Candidate, options: FitOptions, epsilon: float | None = None) -> Method:
-    """Return the method that fits a rung with textures, with the source's ε."""
+    """Return the method that fits a rung, any but one colour, with the source's ε."""
     size, shared = candidate.size, {"seed": options.seed, "epsilon": epsilon}
+    if candidate.lobes:
+        return Ggx(lobes=candidate.lobes, **shared)
     if candidate.method == "mccool":
         return McCool(size=size, **shared)
     if candidate.method == "svd":
@@ -134,6 +157,6 @@ def method_of(candidate: Candidate, options: FitOptions, epsilon: float | None =
 
 
 def fit_candidate(candidate: Candidate, source: Source, options: FitOptions) -> MethodFit:
-    """Fit a rung with textures to the source's training samples, texels as floats; raises what the method raises."""
+    """Fit a rung to the source's training samples, texels as floats; raises what the method raises."""
     method = method_of(candidate, options, source.default_epsilon)
     return method.fit(source.samples.split(options.held_out, options.seed)[0], options.progress)

@@ -331,7 +331,7 @@ def one_size(distinct: tuple[MaterialPlan, ...], shown: tuple[MaterialPlan, ...]
     offered = [
         candidate
         for candidate in rungs[rungs.index(first) :]
-        if (candidate.method, candidate.storage) == (first.method, first.storage)
+        if (candidate.family, candidate.storage) == (first.family, first.storage)
     ]
     if first.is_colour:
         offered = [first, *(candidate for candidate in rungs if candidate.is_colour and candidate != first)]

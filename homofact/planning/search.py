@@ -34,8 +34,9 @@ UNTRUSTED = 1.5
 LEVEL, OWN, SLOPES, SHARED, REST = 2.0, 0.7, (0.2, 0.3), 0.5, 0.5
 # How much of the rest the storages of one fit do not share, and by how much the log error of whole texels is larger.
 STORED, ROUNDED = 0.15, 0.05
-# Where each method starts beside one texture of 16², and how its log error falls with log2 textures and log2 size.
-MEANS = {"search": (0.0, -0.15, -0.35), "mccool": (0.8, 0.0, -0.2), "svd": (1.0, -0.2, -0.2)}
+# Where each method starts beside one texture of 16², and how its log error falls with log2 textures (of a model, of its
+# lobes) and log2 size.
+MEANS = {"ggx": (0.8, -0.2, 0.0), "search": (0.0, -0.15, -0.35), "mccool": (0.8, 0.0, -0.2), "svd": (1.0, -0.2, -0.2)}
 COLOUR_MEAN = 1.5
 
 
@@ -241,14 +242,16 @@ def _belief(pool: Sequence[Candidate], asked: Mapping[Candidate, LadderOutcome],
 def _mean(candidate: Candidate) -> float:
     if candidate.is_colour:
         return COLOUR_MEAN
-    start, by_textures, by_size = MEANS[candidate.method]
+    start, by_textures, by_size = MEANS[candidate.family]
     textures, size = _place(candidate)
     return start + by_textures * textures + by_size * size + (ROUNDED if candidate.storage == WHOLE else 0.0)
 
 
 def _place(candidate: Candidate) -> tuple[float, float]:
-    """(log2 textures, log2 of the size over 16)."""
-    return (0.0, 0.0) if candidate.is_colour else (math.log2(candidate.textures), math.log2(candidate.size / 16))
+    """(log2 of the textures or lobes, log2 of the size over 16)."""
+    if not candidate.textures:
+        return math.log2(max(candidate.lobes, 1)), 0.0
+    return math.log2(candidate.textures), math.log2(candidate.size / 16)
 
 
 def _covariance(first: Sequence[Candidate], second: Sequence[Candidate]) -> Tensor:
@@ -257,7 +260,7 @@ def _covariance(first: Sequence[Candidate], second: Sequence[Candidate]) -> Tens
         for j, b in enumerate(second):
             (t, s), (u, v) = _place(a), _place(b)
             value = LEVEL**2
-            if a.method == b.method or (a.is_colour and b.is_colour):
+            if a.family == b.family or (a.is_colour and b.is_colour):
                 near = math.exp(-((t - u) ** 2 + (s - v) ** 2) / 2)
                 value += OWN**2 + SHARED**2 * near
             if a.fit == b.fit:

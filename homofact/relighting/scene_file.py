@@ -210,7 +210,7 @@ def read_relight_scene(path: str | Path) -> RelightSceneFile:
             light, own = separate_sun(light, None if radius is None else math.radians(radius))
             if own is not None:
                 suns.append(own)
-                notes.append(f"{light.name}: its brightest spot is a light of its own, {own.describe()}")
+                notes.append(f"{light.name}: its brightest spot becomes a separate light, {own.describe()}")
         if len(suns) + len(found.lamp) > MOST_LIGHTS:
             where, words = ("lamp", "suns and lamps") if found.lamp else ("sun", "with that of the map")
             found_lights = f"{len(suns) + len(found.lamp)} {words}"

@@ -24,7 +24,6 @@ import numpy as np
 import torch
 
 from homofact.brdf.reflectance import Reflectance
-from homofact.brdf.scattered import made_of_samples
 from homofact.brdf.symmetry import find_symmetry
 from homofact.linear.kernels import kernel
 from homofact.rendering.light import EnvironmentMap, Light
@@ -163,8 +162,7 @@ class FilteredMaterial(NamedTuple):
         """Ask a material on the grids of `fineness`. Raises BadInput as `render_filtered`."""
         axes, shade = view_axes(view), shader(reflectance, to_rgb)
         symmetry = find_symmetry(reflectance)
-        grid = fineness.of_samples if made_of_samples(reflectance) else fineness.isotropic
-        grid = grid if symmetry.isotropic else fineness.anisotropic
+        grid = fineness.isotropic if symmetry.isotropic else fineness.anisotropic
         material = PatchedMaterial(shade, grid, turns_of(grid, axes), symmetry.isotropic and symmetry.mirrored)
         base = base_of(material)
         channels = int(shade(axes[2:], axes[2:]).shape[1])

@@ -46,24 +46,18 @@ class Fineness(NamedTuple):
     """The grids of a material, and `cells` and `azimuths` of the light that `rendering.filtered` sums."""
 
     isotropic: PatchGrid
-    of_samples: PatchGrid
     anisotropic: PatchGrid
     cells: tuple[int, int]
     azimuths: int
 
 
-# What interpolates samples some degrees apart has no detail within a patch, and is slow to ask.
-FULL = Fineness(
-    PatchGrid(64, 1, 28, 36, 4, 48), PatchGrid(64, 1, 28, 36, 1, 48), PatchGrid(24, 36, 28, 36, 2, 32), (32, 128), 192
-)
+# A fit and its source are drawn on the same grid: at the middle of a narrow highlight the grids' own errors, of some
+# percent, have either sign.
+FULL = Fineness(PatchGrid(64, 1, 28, 36, 4, 48), PatchGrid(24, 36, 28, 36, 2, 32), (32, 128), 192)
 # For spheres of some 200 pixels: under a smooth light, and a lobe under any, within a percent of the full picture.
-DRAFT = Fineness(
-    PatchGrid(32, 1, 16, 16, 3, 32), PatchGrid(32, 1, 16, 16, 2, 32), PatchGrid(16, 24, 16, 16, 3, 24), (16, 64), 96
-)
+DRAFT = Fineness(PatchGrid(32, 1, 16, 16, 3, 32), PatchGrid(16, 24, 16, 16, 3, 24), (16, 64), 96)
 # For errors of a fit: alike on both sides, what they have in common cancels.
-COARSE = Fineness(
-    PatchGrid(36, 1, 16, 16, 2, 24), PatchGrid(36, 1, 16, 16, 1, 24), PatchGrid(12, 12, 12, 12, 2, 16), (16, 64), 48
-)
+COARSE = Fineness(PatchGrid(36, 1, 16, 16, 2, 24), PatchGrid(12, 12, 12, 12, 2, 16), (16, 64), 48)
 
 
 class PatchedLobe(NamedTuple):

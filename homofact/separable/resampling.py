@@ -38,7 +38,8 @@ def resampled(samples: Samples, reciprocal: bool) -> Reflectance:
 
     Raises BadInput for too few samples.
     """
-    return Scattered(samples) if samples.isotropic else LocalPlanes(samples, reciprocal)
+    # A model's highlight beyond the measured angles would be what a truncated sum spends its terms on.
+    return Scattered(samples, lobes=0) if samples.isotropic else LocalPlanes(samples, reciprocal)
 
 
 @dataclass(frozen=True)

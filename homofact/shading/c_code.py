@@ -44,12 +44,14 @@ def c_source(program: Program, textures: Sequence[np.ndarray], prefix: str = "ho
     title = "".join(f"/* {remark(line)} */\n" for line in program.title)
     data = "".join(texels_in_c(prefix, k, texels) for k, texels in enumerate(textures))
     data += tables_in_c(program.tables, prefix)
+    # Nothing calls it without textures, and compilers warn of that.
+    lookup = f"{LOOKUP.format(prefix=prefix, channels=channels)}\n" if textures else ""
     layer = ", int layer" * (program.layers > 0)
     lines = statement_lines(program.statements, prefix, program)
     lines += [f"    f_out[{c}] = {render(component(program.result, c), prefix)};" for c in range(channels)]
     body = "\n".join(lines)
     return (
-        f"{title}#include <math.h>\n\n{data}{LOOKUP.format(prefix=prefix, channels=channels)}\n"
+        f"{title}#include <math.h>\n\n{data}{lookup}"
         f"/* f_out[{channels}]: {remark(', '.join(program.channels))} */\n"
         f"void {prefix}_evaluate(const float wi[3], const float wo[3]{layer}, float f_out[{channels}])\n"
         f"{{\n{body}\n}}\n"

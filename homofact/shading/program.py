@@ -23,16 +23,19 @@ from typing import Any
 
 import numpy as np
 
+from homofact.brdf.analytic.ggx import GgxBrdf
 from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.source_names import MOST
 from homofact.errors import Advice, BadInput
 from homofact.factor.edited import edited_name, edits_in_words
-from homofact.factor.evaluation import Evaluated, Evaluation, TextureLookup, evaluation_of
+from homofact.factor.evaluation import Evaluated, Evaluation, TextureLookup, evaluation_of, refuse_model
 from homofact.files.words import on_one_line
 from homofact.geometry.axes import Coordinates, coordinates_of, gathered
 from homofact.geometry.coordinates import Scales, warped
 from homofact.geometry.expression import Expression, Let, Tables, call, constant, fetch, needed, table, variable, vector
+from homofact.parametric.model_fit import ModelFit
 from homofact.shading.encoded import Encoded
+from homofact.shading.ggx_statements import ggx_statements
 
 TEXTURES = (
     "wi, wo: unit, to the light and to the viewer, in the surface frame (z normal, x tangent).",
@@ -69,12 +72,15 @@ def program_of(
 ) -> Program:
     """Return the program that reads `textures`, those of the fit, stored as they are.
 
+    A model without textures has its numbers as constants.
     `cut` says to cut runaway logarithms whatever the texels, for a program that outlives them. With `layers`, the
     transforms of several materials, each of `textures` holds their texels one under another, and `fitted` is any of
     them. Raises BadInput for more than four channels.
     """
     count = len(fitted.channels)
     check_count(count)
+    if fitted.evaluation is None:
+        return _of_model(fitted)
     wi, wo = variable("wi", 3), variable("wo", 3)
     evaluation = evaluation_of(fitted)
     statements, total, bias, shapes = _summed(evaluation, textures, count, max(len(layers), 1))
@@ -101,6 +107,24 @@ def program_of(
     result = variable("f", count) * variable("above", 1)
     title = _title(fitted, len(layers))
     return Program(needed(statements, result), result, shapes, fitted.channels, title, len(layers), tables)
+
+
+def _of_model(fitted: Evaluated) -> Program:
+    """The program of a model without textures. Raises BadInput for one that no shader is made of."""
+    model = fitted.model if isinstance(fitted, ModelFit) else None
+    if not isinstance(model, GgxBrdf):
+        refuse_model(fitted)
+    statements, value = ggx_statements(model)
+    wi, wo = variable("wi", 3), variable("wo", 3)
+    above = Let("above", call("step", 0.0, call("min", wi.z, wo.z)), "0 under the horizon")
+    statements += [above, Let("f", value, "diffuse base and lobes")]
+    result = variable("f", len(fitted.channels)) * variable("above", 1)
+    begin = f"BRDF of {name_of(fitted.provenance)}, by homofact {fitted.provenance.get('homofact_version', '')}:"
+    title = (
+        f"{begin} GGX, {len(model.lobes)} lobe{'s' * (len(model.lobes) > 1)} over a diffuse base, no textures.",
+        *TEXTURES[:2],
+    )
+    return Program(needed(statements, result), result, (), fitted.channels, title)
 
 
 def sum_program(fitted: Evaluated, textures: Sequence[Encoded]) -> Program:

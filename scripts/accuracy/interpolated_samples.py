@@ -2,12 +2,14 @@
 
     python scripts/accuracy/interpolated_samples.py                  # of anisotropic samples: some four minutes
     python scripts/accuracy/interpolated_samples.py --materials steel --layouts rings
-    python scripts/accuracy/interpolated_samples.py --isotropic      # of isotropic ones: ten seconds
+    python scripts/accuracy/interpolated_samples.py --isotropic      # of isotropic ones: under a minute
+    python scripts/accuracy/interpolated_samples.py --isotropic --materials A.bsdf --layouts goniometer
     python scripts/accuracy/interpolated_samples.py --files A.brdf   # of measured isotropic samples, 20% held out
 
-Materials of which all values are known are "measured" without noise. Each row is an interpolation, judged at other
-directions: the RMS of the logarithms, the misplaced light Σ|found − true| f cosθo over Σ true, and the total light
-over the true one at three angles of incidence. Last come the geometric means of the first two over all rows.
+Materials of which all values are known, also measured tables, are "measured" without noise. Each row is an
+interpolation, judged at other directions: the RMS of the logarithms, the misplaced light Σ|found − true| f cosθo over
+Σ true, and the total light over the true one at three angles of incidence. Last come the geometric means of the first
+two over all rows.
 """
 
 import argparse
@@ -23,11 +25,13 @@ from torch import Tensor
 
 from homofact.brdf import places, scattered
 from homofact.brdf.analytic import Ward
+from homofact.brdf.analytic.ggx import GgxBrdf, GgxLobe
 from homofact.brdf.formats import read_samples
 from homofact.brdf.materials import material
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
 from homofact.brdf.scattered import Scattered
+from homofact.brdf.source import open_source
 from homofact.geometry.coordinates import coordinate_system
 from homofact.geometry.directions import draw_in_discs, from_spherical
 
@@ -37,12 +41,17 @@ NAMED = ("ward-brushed", "ashikhmin-shirley-wang", "phong-30", "lafortune-clay")
 MATERIALS = (*NAMED, "steel", "satin")
 _TRUE_ANGLES = (12, 42, 57)
 _DIRECTIONS = "both directions"
-_FULL, _WEIGHTED = "full azimuth", "weighted"
+_FULL, _ALONE, _WEIGHTED = "full azimuth", "without a model", "with a model"
 # Of these, `--isotropic` takes samples that are known to be isotropic.
 ISOTROPIC = (
     "cook-torrance-plastic", "phong-10", "phong-30", "blinn-phong-50", "torrance-sparrow-20", "car-paint-red",
-    "lafortune-clay",
+    "lafortune-clay", "lacquer", "copper paint",
 )  # fmt: skip
+_COATING = GgxLobe((1.0, 1.0, 1.0), 0.06, 0.045)
+_LACQUER = GgxBrdf((0.02, 0.08, 0.29), (_COATING,))
+_COPPER = GgxBrdf(
+    (0.08, 0.03, 0.01), (_COATING, GgxLobe((0.45, 0.25, 0.15), 0.3, 1.0), GgxLobe((0.2, 0.1, 0.1), 0.6, 0.9))
+)
 
 
 def rings(model: Reflectance, lights: tuple[int, ...], turns: tuple[int, ...], steps: tuple[int, int]) -> Samples:
@@ -62,9 +71,18 @@ def drawn(model: Reflectance, count: int) -> Samples:
     return _measured(model, *draw_in_discs(count, torch.Generator().manual_seed(1), 0.95))
 
 
+def goniometer(model: Reflectance) -> Samples:
+    """Return samples at coarse rings and, in steps of half a degree, across highlights in the plane of incidence."""
+    angles = [(x, y, z) for x in (0, 15, 30, 45, 60, 70) for y in range(0, 81, 5) for z in range(0, 181, 10)]
+    angles += [(x, x + step / 2, 180) for x in (15, 30, 45, 60, 70) for step in range(-12, 13) if x + step / 2 <= 82]
+    theta_i, theta_o, turn = torch.deg2rad(torch.tensor(sorted(set(angles)), dtype=torch.float64)).T
+    return _measured(model, from_spherical(theta_i, 0 * theta_i), from_spherical(theta_o, turn))
+
+
 LAYOUTS: dict[str, Callable[[Reflectance], Samples]] = {
     "rings": lambda model: rings(model, (5, 20, 35, 50, 65), (0, 30, 60, 90), (5, 10)),
     "coarse rings": lambda model: rings(model, (10, 30, 50, 70), (0, 45, 90), (10, 20)),
+    "goniometer": goniometer,
     "one azimuth": lambda model: rings(model, (5, 20, 35, 50, 65), (0,), (5, 10)),
     "5,000 random": lambda model: drawn(model, 5000),
     "1,500 random": lambda model: drawn(model, 1500),
@@ -72,8 +90,11 @@ LAYOUTS: dict[str, Callable[[Reflectance], Samples]] = {
 
 
 def model_of(name: str) -> Reflectance:
-    """Return the reflectance of one of `MATERIALS`."""
-    return {"steel": _STEEL, "satin": _SATIN}.get(name) or material(name).model
+    """Return the reflectance of one of `MATERIALS` or `ISOTROPIC`, or of a measured table's file."""
+    if Path(name).is_file():
+        return open_source(name, count=10).reflectance
+    own = {"steel": _STEEL, "satin": _SATIN, "lacquer": _LACQUER, "copper paint": _COPPER}
+    return own.get(name) or material(name).model
 
 
 class _OverDirections(Scattered):
@@ -96,7 +117,9 @@ def interpolated(samples: Samples, coordinates: str) -> Reflectance:
     if coordinates == _DIRECTIONS:
         return _OverDirections(samples)
     if samples.isotropic:
-        return _FullAzimuth(samples) if coordinates == _FULL else Scattered(samples)
+        if coordinates == _FULL:
+            return _FullAzimuth(samples, lobes=0)
+        return Scattered(samples, lobes=0) if coordinates == _ALONE else Scattered(samples)
     places._DIFFERENCE, places._TURN = map(float, coordinates.split(","))
     return Scattered(samples)
 
@@ -104,8 +127,8 @@ def interpolated(samples: Samples, coordinates: str) -> Reflectance:
 def main() -> None:
     """Print a line per interpolation and the geometric means."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--materials", nargs="+", default=MATERIALS, choices=MATERIALS)
-    parser.add_argument("--layouts", nargs="+", default=tuple(LAYOUTS), choices=tuple(LAYOUTS))
+    parser.add_argument("--materials", nargs="+", default=(), help="names, or files of isotropic tables")
+    parser.add_argument("--layouts", nargs="+", default=(), choices=tuple(LAYOUTS))
     parser.add_argument(
         "--coordinates", nargs="+", default=(_DIRECTIONS, "0.5,0.25", "0.5,0.1", "1,0.1"),
         help="weights of the difference vector's angle and of its azimuth",
@@ -117,20 +140,25 @@ def main() -> None:
         _of_files(asked.files)
         return
     if asked.isotropic:
-        asked.materials, asked.coordinates = ISOTROPIC, (_FULL, _WEIGHTED)
-        asked.layouts = ("one azimuth", "5,000 random", "1,500 random")
+        asked.materials, asked.coordinates = asked.materials or ISOTROPIC, (_FULL, _ALONE, _WEIGHTED)
+        asked.layouts = asked.layouts or ("goniometer", "one azimuth", "5,000 random", "1,500 random")
+    asked.materials = asked.materials or MATERIALS
+    asked.layouts = asked.layouts or [name for name in LAYOUTS if name != "goniometer"]
     found: dict[str, list[tuple[float, float]]] = {}
     print(f"{'material':22} {'samples':13} {'coordinates':16} {'log RMS':>8} {'misplaced':>9}  light at 12, 42, 57°")
     for name in asked.materials:
         model = model_of(name)
         for layout in asked.layouts:
             samples = replace(LAYOUTS[layout](model), isotropic=asked.isotropic)
-            tests = rings(model, _TRUE_ANGLES, (0,) if layout == "one azimuth" else (15, 75), (4, 9))
+            tests = rings(model, _TRUE_ANGLES, (0,) if layout in ("one azimuth", "goniometer") else (15, 75), (4, 9))
             for coordinates in asked.coordinates:
                 log_rms, misplaced, light = _judged(interpolated(samples, coordinates), samples, tests)
                 found.setdefault(coordinates, []).append((log_rms, misplaced))
                 ratios = ", ".join(f"{ratio:.2f}" for ratio in light)
-                print(f"{name:22} {layout:13} {coordinates:16} {log_rms:8.3f} {misplaced:9.3f}  {ratios}", flush=True)
+                print(
+                    f"{Path(name).stem[:22]:22} {layout:13} {coordinates:16} {log_rms:8.3f} {misplaced:9.3f}  {ratios}",
+                    flush=True,
+                )
     for coordinates, rows in found.items():
         means = [geometric_mean(each) for each in zip(*rows, strict=True)]
         print(f"{coordinates:16} geometric means: log RMS {means[0]:.3f}, misplaced light {means[1]:.1%}")
@@ -147,7 +175,7 @@ def _of_files(files: Sequence[str]) -> None:
                 training, held_out = samples.split(0.2, seed=seed)
                 tests = held_out.rotated_at_random(seed)
                 scattered.READ_AZIMUTH = weight
-                found = _FullAzimuth(training) if weight == _FULL else Scattered(training)
+                found = _FullAzimuth(training, lobes=0) if weight == _FULL else Scattered(training)
                 values, epsilon = found.evaluate(tests.wi, tests.wo), 1e-2 * training.values.mean(0)
                 apart = torch.log(values + epsilon) - torch.log(tests.values + epsilon)
                 light = tests.wi[:, 2:] * tests.wo[:, 2:]

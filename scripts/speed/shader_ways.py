@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
+from homofact.brdf.analytic.ggx_fit import fit_ggx
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.source import Source
 from homofact.containers.formats import FORMATS
@@ -24,7 +25,6 @@ from homofact.factor.factorization import Factorization
 from homofact.geometry.expression import variable
 from homofact.methods.mccool import McCool
 from homofact.methods.search import Search
-from homofact.parametric.lobes import fit_ggx
 from homofact.shading.encoding import Encoded
 from homofact.shading.program import Program
 

@@ -146,6 +146,10 @@ def test_light_in_unmeasured_directions_is_named_where_it_is_more_than_the_bar()
     assert wrong.rests_on_extrapolation
     assert not last.rests_on_extrapolation
     assert "75°" in found.extrapolated_sentence()
+    # The sentence states the limit of the other angles, and names this one.
+    assert f"within {percent(max(bar.error or 0 for bar in found.by_angle[:-1]))} (" in found.sentence()
+    assert "°; 75° extrapolated)" in found.sentence()
+    assert "extrapolated)" not in whole.sentence()
     assert found.interval("albedo", 75).unmeasured == wrong.unmeasured
     again = ErrorBars.of_record(found.record())
     assert again == found
@@ -266,3 +270,13 @@ def test_estimated_limits_beyond_a_good_fit_are_called_wide() -> None:
 def test_a_sentence_claims_no_more_than_held_in_the_calibration(kind: BarKind, rate: float, words: str) -> None:
     bars = tuple(ErrorBar(name, kind, 0.1, rate, (0.0, 75.0), "the samples look faulty") for name in QUANTITIES)
     assert words in ErrorBars(bars).sentence()
+
+
+def test_extrapolated_angles_between_others_are_named_apart() -> None:
+    errors = {0: (0.01, 0.0), 30: (0.02, 0.0), 45: (0.03, 0.3), 60: (0.04, 0.0)}
+    by_angle = tuple(
+        ErrorBar("albedo", BarKind.RIGHT, error, 0.9, (at, at), unmeasured=share)
+        for at, (error, share) in errors.items()
+    )
+    bars = ErrorBars((ErrorBar("albedo", BarKind.RIGHT, 0.04, 0.9, (0.0, 60.0)),), by_angle)
+    assert "within 4% (0–30° and 60°; 45° extrapolated)" in bars.sentence()

@@ -10,6 +10,7 @@ from slow_cases import slow_among
 
 import homofact
 from homofact.brdf.analytic.ggx import GgxBrdf, GgxLobe
+from homofact.brdf.analytic.ggx_fit import fit_ggx
 from homofact.brdf.analytic.spherical_gaussians import Gaussian, SphericalGaussians
 from homofact.brdf.factored import BINS, FactoredBrdf
 from homofact.brdf.quality.faults import albedo
@@ -21,7 +22,7 @@ from homofact.evaluation.compare import fit_and_measure
 from homofact.geometry.directions import draw_uniform, from_spherical
 from homofact.methods.table import made
 from homofact.parametric.factored_fit import fit_factored
-from homofact.parametric.lobes import fit_gaussians, fit_ggx
+from homofact.parametric.gaussian_fit import fit_gaussians
 from homofact.parametric.network import train
 
 GGX = GgxBrdf((0.3, 0.2, 0.1), (GgxLobe((0.5, 0.4, 0.6), 0.25, 0.08),))
@@ -198,7 +199,7 @@ def test_bounds_are_refused_since_a_model_takes_values_alone() -> None:
 
 def test_what_wants_textures_refuses_a_model(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     place = tmp_path / "a.npz"
-    homofact.Ggx().fit(sample_model(GGX, 300, "lobe", 0)).save(place)
+    homofact.Gaussians().fit(sample_model(GGX, 300, "lobe", 0)).save(place)
     for command in (
         ["export", str(place), "--out", str(tmp_path / "b")],
         ["view", str(place), "--out", str(tmp_path / "c.html")],
@@ -207,8 +208,8 @@ def test_what_wants_textures_refuses_a_model(tmp_path: Path, capsys: pytest.Capt
         said = capsys.readouterr().err
         assert said.count("\n") == 1
         assert "has no textures, expected a fit by search" in said
-    assert main(["factorize", "material:phong-10", "--method", "ggx", "--out", str(tmp_path / "d")]) == 2
-    assert "method: found 'ggx', expected one of search" in capsys.readouterr().err
+    assert main(["factorize", "material:phong-10", "--method", "gaussians", "--out", str(tmp_path / "d")]) == 2
+    assert "method: found 'gaussians', expected one of search" in capsys.readouterr().err
     assert [each.name for each in tmp_path.iterdir()] == ["a.npz"]
 
 

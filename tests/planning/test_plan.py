@@ -65,6 +65,8 @@ def oracle(level: float) -> dict[Candidate, LadderOutcome]:
     for each in LADDER:
         if each.is_colour:
             found[each] = LadderOutcome(4 * level, 12, 0)
+        elif each.lobes:
+            found[each] = LadderOutcome(5 * level, each.most_bytes(3), 0)
         else:
             factor = {"search": 1.0, "svd": 6.0, "mccool": 3.0}[each.method]
             error = factor * level * each.textures**-0.5 * (each.size / 8) ** -0.7
@@ -89,8 +91,8 @@ def test_a_walk_finds_the_optimum_with_few_questions() -> None:
                 assert found.asked[found.choice].error <= tolerance
                 assert found.asked[found.choice].bytes == min(meeting)
             fits, cases = fits + found.fits, cases + 1
-    # Of 31; these errors fall twice as fast with textures as the prior believes.
-    assert fits / cases <= 10
+    # Of 33; these errors fall twice as fast with textures as the prior believes.
+    assert fits / cases <= 10.5
 
 
 def test_a_looser_tolerance_never_costs_more() -> None:

@@ -43,7 +43,9 @@ def answers(level: float) -> dict[Candidate, LadderOutcome]:
     found = {}
     for each in LADDER:
         size = (
-            2.0 if each.is_colour else (each.textures * each.size**2) ** -0.4 * (1.03 if each.storage == WHOLE else 1)
+            2.0
+            if not each.textures
+            else (each.textures * each.size**2) ** -0.4 * (1.03 if each.storage == WHOLE else 1)
         )
         found[each] = LadderOutcome(level * size, each.most_bytes(3), each.most_fetches(True), each.textures)
     return found

@@ -1,15 +1,13 @@
 """Shading programs: printed as C, compiled and run, they give what Python gives; their costs are counted."""
 
-import ctypes
 import itertools
-import shutil
-import subprocess
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
+from compiled_c import c_of, run_c
 from shading_cases import CASES, SEPARABLE, factorization, searched
 
 from homofact.errors import BadInput
@@ -24,41 +22,13 @@ from homofact.shading.encoding import Encoded, encode_texture
 from homofact.shading.languages import GLSL, HLSL, WGSL, render, shader
 from homofact.shading.program import program_of
 
-COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
-
 
 def pairs(count: int = 4000) -> tuple[torch.Tensor, torch.Tensor]:
     return draw_uniform(count, torch.Generator().manual_seed(0))
 
 
-def run_c(source: str, channels: int, folder: Path, wi: torch.Tensor, wo: torch.Tensor) -> np.ndarray:
-    """What the compiled function gives at the pairs, (N, C)."""
-    if COMPILER is None:
-        pytest.skip("no C compiler (cc, gcc or clang) on the PATH")
-    source += (
-        "\nvoid every(int n, const float *wi, const float *wo, float *f)\n{\n    for (int k = 0; k < n; k++)\n"
-        f"        homofact_evaluate(wi + 3 * k, wo + 3 * k, f + {channels} * k);\n}}\n"
-    )
-    code, library = folder / "brdf.c", folder / "brdf.so"
-    code.write_text(source, encoding="utf-8")
-    strict = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-O1", "-shared", "-fPIC"]
-    subprocess.run([COMPILER, *strict, "-o", library, code, "-lm"], check=True)
-    a, b = wi.float().numpy().copy(), wo.float().numpy().copy()
-    values = np.empty((len(a), channels), np.float32)
-    pointer = ctypes.POINTER(ctypes.c_float)
-    function = ctypes.CDLL(str(library)).every
-    function(len(a), *(array.ctypes.data_as(pointer) for array in (a, b, values)))
-    return values
-
-
 def encoded(fitted: Fitted, storage: str = "float32") -> list[Encoded]:
     return [encode_texture(texture, storage) for texture in fitted.textures]
-
-
-def c_of(fitted: Fitted, textures: list[Encoded]) -> str:
-    """C that reads the textures as decoded floats."""
-    plain = [Encoded("float32", t.decoded().numpy(), np.ones_like(t.scale), np.zeros_like(t.bias)) for t in textures]
-    return c_source(program_of(fitted, plain), [texture.stored for texture in plain])
 
 
 @pytest.mark.parametrize("name", CASES)

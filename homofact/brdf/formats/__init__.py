@@ -64,9 +64,7 @@ def open_file(path: str | os.PathLike[str], channels: str = "rgb", drawing: Draw
             hint="`homofact info` names what reads it",
         )
     if hint := hint_of(head):
-        others = ", ".join(reader.NAME for reader in READERS if reader is not csv)
-        what = f"content of no known format (begins with {beginning(head)}): {hint}; other formats: {others}"
-        raise BadInput(what, where=file)
+        raise BadInput(hint, where=file)
     known = "; ".join(f"{reader.NAME}: {reader.DESCRIPTION}" for reader in READERS)
     raise BadInput(
         f"content of no known format (begins with {beginning(head)})", where=file, expected=f"one of: {known}"

@@ -10,7 +10,7 @@ header names the columns, in any order: both directions as theta_i, phi_i, theta
 same with _deg in degrees, or wi_x … wo_z; `weight` if there is one; every other column is a channel of f in sr⁻¹
 without the cosine, "550nm" being a wavelength. Quotes and capitals in the names of directions do not matter. φ is
 absolute: the mirror direction of φi = 0 is φo = π. One column dphi, φo − φi, may replace both azimuths. Names of other
-programs are read too: theta_in, phi_out, theta_r, delta_phi.
+programs are read too: theta_in, thetaIn, phi_out, theta_r, delta_phi.
 
 `write` writes all digits of each number and directions as vectors, so that samples are read back bit-identical. It adds
 a column `weight` if any weight differs from 1.
@@ -18,6 +18,7 @@ a column `weight` if any weight differs from 1.
 
 import math
 import os
+import re
 from collections.abc import Callable, Iterator
 
 import torch
@@ -51,6 +52,7 @@ _ALIASES = {
     "theta_in": "theta_i", "phi_in": "phi_i", "theta_out": "theta_o", "phi_out": "phi_o", "theta_r": "theta_o",
     "phi_r": "phi_o", "delta_phi": "dphi",
 }  # fmt: skip
+_INNER_CAPITAL = re.compile("(?<=[a-z])(?=[A-Z])")
 _WORDS = {"true": True, "yes": True, "false": False, "no": False}
 _MOST_COLUMNS = 4096
 _SLACK = 1e-6
@@ -142,11 +144,16 @@ def _names(line: str) -> list[str]:
     """The columns' names in a header, the directions' as this format has them."""
     found = []
     for word in (each.strip().strip('"') for each in line.split(",")):
-        small = word.lower()
-        name, unit = (small[:-4], small[-4:]) if small.endswith(("_deg", "_rad")) else (small, "")
-        name = _ALIASES.get(name, name) + unit
-        found.append(name if name in _OWN else word)
+        # thetaIn is theta_in.
+        named = (_own(small) for small in (word.lower(), _INNER_CAPITAL.sub("_", word).lower()))
+        found.append(next((name for name in named if name in _OWN), word))
     return found
+
+
+def _own(small: str) -> str:
+    """A column's name in small letters as this format has it."""
+    name, unit = (small[:-4], small[-4:]) if small.endswith(("_deg", "_rad")) else (small, "")
+    return _ALIASES.get(name, name) + unit
 
 
 def _form(path: object, number: int, names: list[str]) -> tuple[str, ...]:

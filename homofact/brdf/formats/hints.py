@@ -12,9 +12,9 @@ _MOST_NAMED = 6
 
 
 def hint_of(head: bytes) -> str | None:
-    """Return advice on a file that begins with `head`; None if it is not text or does not look like a table."""
+    """Return what is wrong with a table that begins with `head`; None if it is no text or not like a table."""
     if head.startswith(_IMAGES):
-        return "it is a picture, no BRDF; environment maps light the scenes of `homofact.relight` and `homofact.edit`"
+        return "a picture, no BRDF; environment maps light the scenes of `homofact.relight` and `homofact.edit`"
     if b"\0" in head:
         return None
     lines = [line for _, line in numbered_lines(head) if not line.startswith("#")][:2]
@@ -23,19 +23,20 @@ def hint_of(head: bytes) -> str | None:
     if "," in lines[0]:
         words = lines[0].split(",")
         if len(words) >= _LEAST_COLUMNS and _numbers(words):
-            return f"it has no header line, expected {_EXPECTED}"
+            return f"a table without a header line, expected {_EXPECTED}"
     for separator, shown in _SEPARATORS:
         words = lines[0].split(separator)
         if len(words) > 1 and any(map(_direction, words)):
-            return f"it looks like a CSV separated by {shown}, expected commas"
+            return f"a table separated by {shown}, expected commas"
         if len(words) >= _LEAST_COLUMNS and _numbers(words):
-            return f"it looks like a table separated by {shown}, expected commas and a header line: {_EXPECTED}"
+            return f"a table separated by {shown}, expected commas and a header line: {_EXPECTED}"
         if len(words) >= _LEAST_COLUMNS and len(lines) > 1 and _numbers(lines[1].split(separator)):
             named = ", ".join(short(word.strip()) for word in words[:_MOST_NAMED])
-            return f"it looks like a table separated by {shown}, with columns {named}; expected commas and {_NAMES}"
+            return f"a table separated by {shown}, with columns {named}; expected commas and {_NAMES}"
     words = lines[0].split(",")
     if len(words) >= _LEAST_COLUMNS and _numbers(lines[-1].split(",")):
-        return f"its header names no directions, expected {_EXPECTED}"
+        named = ", ".join(short(word.strip()) for word in words[:_MOST_NAMED])
+        return f"its header names no directions: the columns are {named}, expected {_EXPECTED}"
     return None
 
 

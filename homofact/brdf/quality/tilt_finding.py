@@ -123,7 +123,7 @@ def doubted(angle: TiltAngle, law: str) -> TiltAngle:
     if angle.misfit <= LEAST_MISFIT:
         reason = f"the values are {law} within {LEAST_MISFIT:.1%}"
     elif angle.low <= 0 <= angle.high:
-        reason = f"no angle is distinguishable from 0 ({span})"
+        reason = f"0 lies within the {span}"
     elif abs(angle.degrees) > SEARCHED - COARSE:
         reason = f"no angle within {SEARCHED:g}° makes the values {law} (error {angle.misfit:.1%})"
     elif abs(angle.degrees) < LEAST:

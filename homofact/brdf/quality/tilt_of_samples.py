@@ -156,7 +156,8 @@ class _Process:
 
 def _finding(in_plane: TiltAngle) -> TiltFinding:
     across = unknown("a tilt across the plane of incidence is not looked for in a list of samples")
-    return TiltFinding(in_plane, across, ("median error of predicting a value from the others", ""))
+    misfit = "median difference between a sample and its prediction from the other samples"
+    return TiltFinding(in_plane, across, (misfit, ""))
 
 
 def _telling(samples: Samples, seed: int) -> Samples | None:

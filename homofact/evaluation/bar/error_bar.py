@@ -8,7 +8,7 @@ A bar wider than a factor of ten carries no information and is withdrawn.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from typing import Any
@@ -220,7 +220,7 @@ class ErrorBars:
         if not stated:
             return f"how far it may be off is unknown: {albedo.reason}"
         low, high = albedo.degrees
-        said = ", ".join(bar.words() for bar in self.bars)
+        said = ", ".join(self._albedo_words() if bar is albedo else bar.words() for bar in self.bars)
         if self.kind is BarKind.MEASURED:
             return f"measured against the source: {said}"
         beyond = f"; measured {low:.0f}–{high:.0f}°, beyond is extrapolation" if high < _EDGE else ""
@@ -228,6 +228,17 @@ class ErrorBars:
         if self.kind is BarKind.FAULT:
             given = f"{stated[0].reason}, so these limits are wider"
         return f"{given}: {said}; true for {_often(self.kind, stated[0].rate)} such fits{beyond}"
+
+    def _albedo_words(self) -> str:
+        """The albedo's bar in words: where some angles rest on extrapolation, that of the others, and these named."""
+        albedo = self.bars[0]
+        extrapolated = [bar for bar in self.by_angle if bar.rests_on_extrapolation]
+        relied_on = [bar for bar in self.by_angle if bar not in extrapolated]
+        if not extrapolated or not relied_on or albedo.error is None or any(bar.error is None for bar in relied_on):
+            return albedo.words()
+        error = max(bar.error or 0.0 for bar in relied_on)
+        angles, others = (_angles(some, self.by_angle) for some in (relied_on, extrapolated))
+        return f"{WORDS[albedo.quantity]} within {percent(error)} ({angles}; {others} extrapolated)"
 
     def by_angle_sentence(self) -> str:
         """Return at which angles of incidence the fit is good and at which bad, in a sentence.
@@ -290,6 +301,18 @@ class ErrorBars:
 
 def _grade(bar: ErrorBar) -> str:
     return "unknown" if bar.error is None else "good" if bar.error <= GOOD["albedo"] else "bad"
+
+
+def _angles(some: Sequence[ErrorBar], every: Sequence[ErrorBar]) -> str:
+    """The angles of some bars, those that follow each other among all as a range: "0–45° and 75°"."""
+    runs: list[list[ErrorBar]] = []
+    for before, bar in zip((None, *every), every, strict=False):
+        if bar in some:
+            if before is not None and runs and runs[-1][-1] is before:
+                runs[-1].append(bar)
+            else:
+                runs.append([bar])
+    return listed([_range(run) for run in runs])
 
 
 def _range(run: list[ErrorBar]) -> str:

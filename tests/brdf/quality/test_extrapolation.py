@@ -9,6 +9,7 @@ from goniometer import STEEL, steel_rings
 
 import homofact
 from homofact.brdf.analytic import Ward
+from homofact.brdf.analytic.ggx import GgxBrdf, GgxLobe
 from homofact.brdf.pair_density import draw_lobe
 from homofact.brdf.quality.extrapolation import EXCESS, Extrapolation
 from homofact.brdf.samples import Samples
@@ -30,8 +31,29 @@ def goniometer(most: float) -> Samples:
     return Samples(wi, wo, GLOSS.evaluate(wi, wo), channels=("R", "G"), isotropic=True)
 
 
-def test_what_is_not_measured_is_carried_on_at_little_weight() -> None:
+def without_model(samples: Samples) -> Samples:
+    """The samples marked as clipped nowhere, which no model is fitted to."""
+    return replace(samples, clipped=torch.zeros_like(samples.values, dtype=torch.bool))
+
+
+def test_what_is_not_measured_is_carried_on_by_a_model_of_the_samples() -> None:
+    lacquer = GgxBrdf((0.1, 0.3), (GgxLobe((1.0, 1.0), 0.15, 0.05),), channels=("R", "G"))
     samples = goniometer(60)
+    samples = replace(samples, values=lacquer.evaluate(samples.wi, samples.wo))
+    more = Extrapolation(samples).carried_on()
+    assert more is not None
+    true = lacquer.evaluate(more.wi, more.wo)
+    light = more.wi[:, 2:] * more.wo[:, 2:]
+    assert float((light * (more.values - true).abs()).sum() / (light * true).sum()) < 0.1
+    # No sample is as bright as the highlight beyond them.
+    assert float(more.values.max()) > 3 * float(samples.values.max())
+    assert 0.05 < float(more.weights.sum() / samples.weights.sum()) < 0.1
+    # A fit may be as bright as the model there.
+    assert Extrapolation(samples).exceeding(lacquer.evaluate, 0) is None
+
+
+def test_what_is_not_measured_is_carried_on_at_little_weight_without_a_model() -> None:
+    samples = without_model(goniometer(60))
     more = Extrapolation(samples).carried_on()
     assert more is not None
     grazing = torch.minimum(more.wi[:, 2], more.wo[:, 2]) < math.cos(math.radians(60.5))
@@ -60,7 +82,7 @@ def test_a_drawn_source_has_nothing_beyond(scheme: str) -> None:
 
 
 def test_only_what_is_brighter_than_every_sample_is_named() -> None:
-    samples = goniometer(60)
+    samples = without_model(goniometer(60))
     extrapolation = Extrapolation(samples)
     assert extrapolation.exceeding(lambda wi, wo: torch.zeros(len(wi), 2), 0) is None
     largest = samples.values.amax(0)
@@ -110,7 +132,7 @@ def test_the_range_goes_on_through_the_plane_of_incidence_where_samples_lie_near
 
 
 def test_the_bound_does_not_hang_on_how_samples_are_turned_and_exchanged() -> None:
-    samples = goniometer(60)
+    samples = without_model(goniometer(60))
     other = samples.rotated_at_random(5)
     other = replace(other, wi=other.wo, wo=other.wi, all_azimuths=False)
     found = [Extrapolation(own).exceeding(lambda wi, wo: torch.full((len(wi), 2), 0.3), 0) for own in (samples, other)]
@@ -127,7 +149,7 @@ def test_beyond_the_measured_range_the_nearest_samples_bound_a_fit() -> None:
     bright = mirror & (samples.wi[:, 2] < math.cos(math.radians(49)))
     values = torch.where(bright[:, None], 10.0, samples.values.new_tensor(0.1)).expand(-1, 2).contiguous()
     assert 0 < int(bright.sum()) < 30
-    extrapolation = Extrapolation(replace(samples, values=values))
+    extrapolation = Extrapolation(without_model(replace(samples, values=values)))
     assert extrapolation.exceeding(lambda wi, wo: torch.full((len(wi), 2), 0.11), 0) is None
     runaway = extrapolation.exceeding(lambda wi, wo: torch.full((len(wi), 2), 8.0), 0)
     assert runaway is not None

@@ -4,7 +4,8 @@ Minimised is Σ w (∛(f̂ cosθi + δ) − ∛(f cosθi + δ))² over pairs and
 drowning all else, and came nearest to what people judged in a comparison of metrics (Fores, Ferwerda and Gu 2012). δ is
 a thousandth of the mean of f cosθi and only keeps slopes finite. w are the samples' weights over the discs.
 
-scipy's trust region method from every start that the model names, slopes by forward differentiation. Counted work;
+scipy's trust region method from every start that the model names, slopes by forward differentiation or the model's own.
+Counted work;
 nothing is drawn but the samples where there are more than `MOST_SAMPLES`.
 """
 
@@ -15,7 +16,6 @@ from functools import cached_property
 
 import numpy as np
 import torch
-from scipy.optimize import least_squares
 from torch import Tensor
 from torch.func import jacfwd
 
@@ -63,7 +63,7 @@ class CubeRoots:
 
 
 def fit_parameters(
-    model: Callable[[Tensor, Tensor, Tensor], Tensor], starts: Sequence[Tensor], samples: Samples, seed: int
+    model: Callable[[Tensor, Tensor, Tensor], Tensor], starts: Sequence[np.ndarray], samples: Samples, seed: int
 ) -> tuple[Tensor, Report]:
     """Return (the parameters (P,) float64 with the least sum, how they were reached).
 
@@ -80,18 +80,32 @@ def fit_parameters(
     with warnings.catch_warnings():
         # torch loads rules of its own the first time, by a function that it calls deprecated.
         warnings.simplefilter("ignore", DeprecationWarning)
-        found = [
-            least_squares(
-                lambda x: residuals(torch.from_numpy(x)).numpy(),
-                start.numpy(),
-                jac=lambda x: slopes(torch.from_numpy(x)).numpy(),  # type: ignore[arg-type]
-                x_scale="jac",
-                max_nfev=MOST_EVALUATIONS,
-            )
-            for start in starts
-        ]
+        x, report = least(
+            lambda x: residuals(torch.from_numpy(x)).numpy(),
+            lambda x: slopes(torch.from_numpy(x)).numpy(),
+            starts,
+            seed,
+        )
+    return torch.from_numpy(x), report
+
+
+def least(
+    residuals: Callable[[np.ndarray], np.ndarray],
+    slopes: Callable[[np.ndarray], np.ndarray],
+    starts: Sequence[np.ndarray],
+    seed: int,
+) -> tuple[np.ndarray, Report]:
+    """Return (the parameters (P,) with the least sum of squares from any of the starts, how they were reached).
+
+    `residuals` of parameters are (R,), their `slopes` (R, P).
+    """
+    from scipy.optimize import least_squares  # a tenth of a second to load
+
+    found = [
+        least_squares(residuals, start, jac=slopes, x_scale="jac", max_nfev=MOST_EVALUATIONS)  # type: ignore[arg-type]
+        for start in starts
+    ]
     best = min(found, key=lambda each: each.cost)
     evaluations = sum(each.nfev for each in found)
     status = Status.CONVERGED if best.success else Status.BUDGET
-    report = Report(status, len(starts), evaluations, 0.0, float(2 * best.cost), seed)
-    return torch.from_numpy(np.asarray(best.x)), report
+    return np.asarray(best.x), Report(status, len(starts), evaluations, 0.0, float(2 * best.cost), seed)
