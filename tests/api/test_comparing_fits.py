@@ -140,7 +140,8 @@ def test_fits_are_compared_on_another_measurement(fits: Path, tmp_path: Path, ca
     assert main(["compare", *(str(fits / name) for name in ("small", "clay")), "--on", SOURCE, "--count", "400"]) == 0
     streams = capsys.readouterr()
     assert "the errors are on all samples of phong-10" in streams.err
-    assert "small over clay, 95% interval over 400 samples in brackets: log mse 0." in " ".join(streams.out.split())
+    words = " ".join(streams.out.split())
+    assert "of small divided by those of clay (in brackets the 95% interval, from 400 samples): log mse 0." in words
     with refused("small: found a fit of the channels R, G, B, expected Y, as "):
         homofact.compare_fits([fits / "small", fits / "large"], on=one_channel(tmp_path))
     assert main(["compare", SOURCE, "--on", SOURCE]) == 2
