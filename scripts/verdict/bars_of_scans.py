@@ -43,6 +43,7 @@ def main(arguments: list[str] | None = None) -> int:
             extrapolation._surface_of = surface_of if label == "model" else (lambda samples: None)
             fit = homofact.fit(samples, homofact.Search(bytes=BYTES, epsilon=EPSILON))
             assert fit.verdict is not None
+            assert fit.verdict.bars is not None
             trusted[label] += fit.verdict.trusted
             for bar in fit.verdict.bars.by_angle:
                 if bar.low is None or bar.high is None:

@@ -175,6 +175,9 @@ def test_many_channels_share_one_model() -> None:
         return replace(own, values=own.values[:, :1] * factors, channels=names)
 
     train, tests = tinted((0, 20, 40, 60)), tinted((10, 30, 50), (2, 7))
+    model = Scattered(train)._model
+    assert model is not None
+    assert len(model.channels) == 1
     assert misplaced(Scattered(train).evaluate(tests.wi, tests.wo), tests) < 0.02
 
 

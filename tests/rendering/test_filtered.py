@@ -142,7 +142,6 @@ def test_brushed_materials_agree_with_sampled_ones(x: float, y: float, bound: fl
     assert (off(other.radiance[inside], expected.radiance[inside]) > 2 * bound) is (x != y)
 
 
-@pytest.mark.slow
 def test_a_highlight_under_a_lamp_is_as_bright_of_samples_as_of_what_they_sample() -> None:
     """At the middle of a narrow highlight the grids err by some percent: both are drawn on the same."""
     model = GgxBrdf((0.08, 0.03, 0.01), (GgxLobe((1.0, 1.0, 1.0), 0.07, 0.04),))
@@ -158,6 +157,7 @@ def test_a_highlight_under_a_lamp_is_as_bright_of_samples_as_of_what_they_sample
         assert float(found.max()) == pytest.approx(float(expected.max()), rel=0.01)
 
 
+@pytest.mark.slow
 def test_environments_are_filtered_and_lamps_are_not() -> None:
     light, model = blocks(), Ward((0.1,) * 3, (0.3,) * 3, 0.1, 0.1)
     assert torch.equal(draw_sphere(model, light, 16).radiance, render_filtered(model, light, 16).radiance)
