@@ -66,11 +66,9 @@ def factorize(
         from homofact.brdf.quality.mending import mending_lines
 
         records, verdict = found.records(), found.row.verdict
-        provenance = found.source.samples.provenance
-        tilt = provenance.get("tilt") or {}
         # A tilt that was left in is a finding of the verdict.
-        told = tilt.get("words") if tilt.get("left_in") else None
-        screen.show(*(Text(with_options(line)) for line in mending_lines(provenance) if line != told))
+        mended = mending_lines(found.source.samples.provenance, left_in=False)
+        screen.show(*(Text(with_options(line)) for line in mended))
         # What was made and how good it is come first, the evidence after, and last what to do with it.
         screen.show(
             Text(_headline(found)),

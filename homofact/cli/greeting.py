@@ -9,7 +9,7 @@ the shader that reads them.
   homofact info paint.brdf                      describe a file
   homofact factorize paint.brdf --out paint     fit textures and report errors
   homofact view paint                           write a page that shows the fit
-  homofact export paint --out engine             write textures and shaders
+  homofact export paint --out engine            write textures and shaders
   homofact compare paint.brdf                   compare several methods
 
 If you have no measurement, use a named material such as

@@ -38,7 +38,7 @@ def fit_layer(fitted: Fitted, key: str, title: str, facts: Facts = ()) -> Layer:
         _texture(f"{_prefix(program, key)}_texture_{k}", each, texture)
         for k, (each, texture) in enumerate(zip(encoded, fitted.textures, strict=True))
     )
-    return Layer(key, title, _glsl(program, key), textures, (*facts, *_costs(program, encoded)))
+    return Layer(key, title, _glsl(program, key), textures, (*facts, *_costs(program, encoded, fitted.nbytes)))
 
 
 def check_shown(channels: Sequence[str]) -> None:
@@ -77,15 +77,18 @@ def _texture(name: str, encoded: Encoded, texture: Texture) -> LayerTexture:
     return LayerTexture(name, pixels, texture.caption, mask, scale, bias, texture.quantity)
 
 
-def _costs(program: Program, encoded: Sequence[Encoded]) -> Facts:
-    """Textures, their bytes without the fourth channel, fetches, operations beyond the change of frame."""
-    cost = cost_of(program, sum(each.stored.nbytes for each in encoded))
+def _costs(program: Program, encoded: Sequence[Encoded], without_textures: int) -> Facts:
+    """Textures, their bytes without the fourth channel, fetches, operations beyond the change of frame.
+
+    A fit without textures has the bytes of its numbers, `without_textures`.
+    """
+    cost = cost_of(program, sum(each.stored.nbytes for each in encoded) if encoded else without_textures)
     kinds = Counter(
         f"{rows} × {columns}{', 8 bit' if each.stored.dtype == np.uint8 else ''}"
         for (rows, columns), each in zip(program.shapes, encoded, strict=True)
     )
     return (
-        ("Textures", "; ".join(f"{count} of {kind}" for kind, count in kinds.items())),
+        ("Textures", "; ".join(f"{count} of {kind}" for kind, count in kinds.items()) or "none"),
         ("Bytes", f"{cost.nbytes:,}"),
         ("Fetches", str(cost.fetches)),
         ("Operations (scalar)", f"{cost.total} ({cost.scalar})"),

@@ -20,6 +20,7 @@ from homofact.brdf.analytic.ggx import GgxBrdf, GgxLobe
 from homofact.brdf.analytic.nonlinear import CubeRoots, least
 from homofact.brdf.samples import Samples
 from homofact.errors import Report
+from homofact.linear.arrays import as_array
 
 # Half widths of highlights in radians, from a mirror's to a rough paint's: every choice of them is a start.
 WIDTHS = (0.03, 0.1, 0.3)
@@ -30,8 +31,8 @@ def fit_ggx(samples: Samples, lobes: int, seed: int, least_reflectance: float = 
     """Return a diffuse base and so many GGX lobes, of an F0 of at least so much."""
     data = CubeRoots.of(samples, seed)
     sum_of_lobes = _Lobes.at(data.samples, lobes, least_reflectance)
-    floor, root, target = data.floor, data.root.numpy(), data.target.numpy()
-    cosine = data.samples.wi[:, 2:].numpy()
+    floor, root, target = data.floor, as_array(data.root), as_array(data.target)
+    cosine = as_array(data.samples.wi[:, 2:])
 
     def residuals(x: np.ndarray) -> np.ndarray:
         return (root * (np.cbrt(sum_of_lobes.values(x) * cosine + floor) - target)).reshape(-1)
@@ -68,7 +69,7 @@ class _Lobes:
     @classmethod
     def at(cls, samples: Samples, lobes: int, least: float = 0.0) -> "_Lobes":
         """At the pairs of samples."""
-        wi, wo = samples.wi.numpy(), samples.wo.numpy()
+        wi, wo = as_array(samples.wi), as_array(samples.wo)
         middle = wi + wo
         square = np.maximum((middle**2).sum(1), MIN_COSINE**2)
         p = np.clip(1 - np.sqrt(square) / 2, 0, None) ** 5
@@ -124,7 +125,7 @@ def starts(samples: Samples, shapes: Sequence[float], lobes: int, own: bool) -> 
 
     `own` is whether each lobe has its own F0, behind its shape.
     """
-    median = np.quantile(samples.values.numpy(), 0.5, axis=0, method="lower")
+    median = np.quantile(as_array(samples.values), 0.5, axis=0, method="lower")
     base = np.sqrt(0.5 * math.pi * np.maximum(median, 1e-6))
     colours, f0 = np.full_like(base, math.sqrt(0.1)), np.array([math.log(0.05 / 0.95)])
     chosen = (
@@ -145,9 +146,10 @@ def colour(x: np.ndarray) -> tuple[float, ...]:
 
 
 def _bounded(x: float) -> float:
+    """Return α of its free number."""
     return math.exp(min(max(x, math.log(_LEAST)), math.log(_MOST)))
 
 
 def _logistic(x: float) -> float:
-    # 1/(1 + exp(−x)) without overflow.
+    """Return 1/(1 + exp(−x)), without overflow."""
     return 0.5 * (1 + math.tanh(0.5 * x))

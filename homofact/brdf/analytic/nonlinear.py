@@ -4,9 +4,8 @@ Minimised is Σ w (∛(f̂ cosθi + δ) − ∛(f cosθi + δ))² over pairs and
 drowning all else, and came nearest to what people judged in a comparison of metrics (Fores, Ferwerda and Gu 2012). δ is
 a thousandth of the mean of f cosθi and only keeps slopes finite. w are the samples' weights over the discs.
 
-scipy's trust region method from every start that the model names, slopes by forward differentiation or the model's own.
-Counted work;
-nothing is drawn but the samples where there are more than `MOST_SAMPLES`.
+scipy's trust region method from every start that the model names, with slopes by forward differentiation or the
+model's own. Counted work; nothing is drawn but the samples where there are more than `MOST_SAMPLES`.
 """
 
 import warnings

@@ -8,8 +8,7 @@ are farther from all samples than `FAR` times the usual distance between neighbo
 * of `LEAST_FOLLOWED` isotropic samples or more that of `brdf.scattered`, which follows a GGX model of them, at
   `FOLLOWED_SHARE` of the weight of all samples. Highlights grow towards grazing angles, where a goniometer ends;
   textures that know the measured angles alone lost two thirds of the light beyond them
-  (`scripts/accuracy/beyond_the_samples.py`; of shares of .03, .1 and .3, .1 had the least error within the measured
-  angles);
+  (`scripts/accuracy/beyond_the_samples.py`);
 * of others that of the nearest sample, at `SHARE`: enough to determine texels without samples, negligible elsewhere.
 
 The finished fit is then checked at a denser set of pairs. It may reach `EXCESS` times a bound.
@@ -50,7 +49,7 @@ if TYPE_CHECKING:
     from scipy.spatial import KDTree
 
 COUNT, SHARE, FOLLOWED_SHARE = 6000, 0.003, 0.1
-# Of 227 samples the mean squared error fell to a tenth, but the error of the logarithms rose by a third.
+# Of fewer samples, the held-out error of the logarithms rose, though that of the values fell.
 LEAST_FOLLOWED = 500
 _CHECKED = 60_000  # pairs at which a fit is held against what it may not exceed
 FAR, LEAST_FAR = 3.0, 0.08

@@ -92,10 +92,14 @@ def looked_at(samples: Samples) -> Samples:
     return replace(samples, provenance=samples.provenance | {"tilt": record})
 
 
-def mending_lines(provenance: dict[str, Any], looked_for: bool = False) -> list[str]:
-    """What was done to samples of this provenance, a line each, for people; a tilt `looked_for` in vain as well."""
+def mending_lines(provenance: dict[str, Any], looked_for: bool = False, left_in: bool = True) -> list[str]:
+    """What was done to samples of this provenance, a line each, for people.
+
+    A tilt `looked_for` in vain has a line as well, and one that was left in unless `left_in` is False.
+    """
     tilt = provenance.get("tilt") or {}
-    lines = [tilt["words"]] if tilt and (looked_for or any(map(tilt.get, ("undone", "left_in", "asked")))) else []
+    told = ("undone", "asked", *(["left_in"] if left_in else []))
+    lines = [tilt["words"]] if tilt and (looked_for or any(map(tilt.get, told))) else []
     if tilt.get("left_out"):
         lines.append(f"samples left out, below the horizon of the straightened sample: {tilt['left_out']}")
     lines += [facts["words"] for facts in provenance.get("gains", {}).values()]
