@@ -1,5 +1,6 @@
 """Measuring: which directions a goniometer should measure next, and what the samples so far tell."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -46,6 +47,8 @@ class MeasureResult:
         The expected change of pictures, relative to their light, by these measurements, and by the best three rings.
     stop : bool
         Whether `change_by_rings` is below the limit.
+    highest : float or None
+        The largest θ of the samples in degrees, of light or view. Above it, the estimate follows the prior alone.
     misfit : float
         How much wider than usual the errors are, because the material is unlike those of the prior; 1 before samples.
     estimate : CompletedBrdf
@@ -64,6 +67,7 @@ class MeasureResult:
     change: float
     change_by_rings: float
     stop: bool
+    highest: float | None
     misfit: float
     estimate: "CompletedBrdf"
     files: list[Path]
@@ -81,6 +85,7 @@ class MeasureResult:
             "change": self.change,
             "change_by_three_rings": self.change_by_rings,
             "stop": self.stop,
+            "highest_theta_degrees": self.highest,
             "misfit": self.misfit,
             "files": [str(file) for file in self.files],
         }
@@ -192,9 +197,17 @@ def measure(
         _write_completed(places[1], estimate, known, seed)
     return MeasureResult(
         known, angles, found.incidences, found.seconds, found.seconds_unordered, found.foretold, found.remaining,
-        found.change, found.change_by_rings, found.change_by_rings < stop, max(posterior.scale, 1.0) ** 0.5, estimate,
+        found.change, found.change_by_rings, found.change_by_rings < stop, _highest(known), max(posterior.scale, 1.0) ** 0.5, estimate,
         [place for place in places if place is not None],
     )  # fmt: skip
+
+
+def _highest(known: "Samples | None") -> float | None:
+    """The largest θ of samples in degrees, of light or view; None of no samples."""
+    if known is None:
+        return None
+    lowest = min(float(known.wi[:, 2].min()), float(known.wo[:, 2].min()))
+    return math.degrees(math.acos(min(max(lowest, -1.0), 1.0)))
 
 
 def _gathered(samples: Any) -> "Samples | None":

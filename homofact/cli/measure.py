@@ -128,9 +128,10 @@ def _shown(found: "MeasureResult") -> list[Any]:
         ]
         for values, factors in ((told.albedo, told.albedo_factor), (told.highlight, told.highlight_factor))
     )
-    more = "another round pays" if not found.stop else "you can stop"
+    more = "another round pays" if not found.stop else "below the limit, you can stop"
+    highest = "" if found.highest is None else f", θ up to {found.highest:.0f}°: above, the estimate follows the prior"
     facts = {
-        "samples so far": str(count),
+        "samples so far": f"{count}{highest}",
         "sphere PSNR": f"about {told.psnr:.1f} dB, above {told.psnr_least:.1f} dB for nine of ten materials",
         "albedo": albedo,
         "highlight, part of the albedo": highlight,

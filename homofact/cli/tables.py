@@ -242,7 +242,7 @@ def mean_table(rows: "Sequence[MeanRow]") -> Table:
     from homofact.evaluation.metric_table import METRICS
 
     fits = max(row.fits for row in rows)
-    counts = f", over at most {counted(fits, 'fit')} each" if fits > 1 else " (one fit each)"
+    counts = f", each of up to {counted(fits, 'fit')}" if fits > 1 else " (one fit each)"
     table = plain_table(f"Mean ± standard deviation by method and bytes{counts}")
     add_names(table)
     add_figures(table, "bytes", "fits")

@@ -1,6 +1,7 @@
 """`homofact measure`: rounds by files, the order, the stop rule, and all that is refused."""
 
 import json
+import math
 from pathlib import Path
 
 import pytest
@@ -90,6 +91,8 @@ def test_samples_in_memory_and_the_estimate_as_a_source() -> None:
     found = measure((wi.numpy(), wo.numpy(), model.evaluate(wi, wo).numpy()), directions=1)
     assert found.samples is not None
     assert len(found.samples) == 200
+    assert found.highest == pytest.approx(max(float(w[:, 2].acos().max()) for w in (wi, wo)) * 180 / math.pi)
+    assert found.record()["highest_theta_degrees"] == found.highest
     value = found.estimate.evaluate(wi[:20], wo[:20])
     assert torch.allclose(value, model.evaluate(wi[:20], wo[:20]), rtol=0.25, atol=0.02)
     assert bool((found.estimate.evaluate(-wi[:2], wo[:2]) == 0).all())
