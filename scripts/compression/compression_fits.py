@@ -83,7 +83,7 @@ class SharedSearch:
                 data = hashlib.sha256()
                 for part in self._materials.digested():
                     data.update(part.numpy().tobytes())
-                asked = (data.hexdigest(), self._settings, self._budget.granted, textures, candidates)
+                asked = (data.hexdigest(), repr(self._settings), self._budget.granted, textures, candidates)
                 if asked in shared.known:
                     outcome, shared.saved = shared.known[asked]
                     return outcome

@@ -19,6 +19,7 @@ from homofact.geometry.interpret import interpret, value_of
 from homofact.geometry.torch_functions import TORCH
 from homofact.methods import search_fit
 from homofact.methods.effort import FitBudget
+from homofact.methods.known_mixes import known_mixes
 from homofact.methods.materials import Materials, TrainingMaterial
 from homofact.methods.models import Ggx as GgxMethod
 from homofact.methods.structure_search import StructureSearch
@@ -118,6 +119,7 @@ def test_searches_that_ask_the_same_are_run_once(script: Callable[[str], ModuleT
     assert found(replace(samples, logs=samples.logs + 1))[1] == 3
     assert found(chosen=replace(settings, seed=1))[1] == 4
     assert found(granted=6.0)[1] == 5
+    assert found(chosen=replace(settings, known=known_mixes()))[1] == 6
     assert search_fit.StructureSearch is StructureSearch
 
 
