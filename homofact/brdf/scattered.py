@@ -18,7 +18,7 @@ the coordinates of both directions, which lose highlights between lights, it is 
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar
 
@@ -29,6 +29,7 @@ from torch import Tensor
 from homofact.brdf.analytic.ggx import GgxBrdf
 from homofact.brdf.analytic.ggx_fit import fit_ggx
 from homofact.brdf.in_kind import answering_in_kind
+from homofact.brdf.kept import Kept
 from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.places import READ_AZIMUTH, half_places
 from homofact.brdf.reflectance import Reflectance, innermost
@@ -195,6 +196,15 @@ class Scattered:
         except np.linalg.LinAlgError:
             # Samples (or the neighbours of a point) in one plane have no linear part of their own.
             return self._linear(place)
+
+
+# Of a copy that shares their values, since what is kept may not keep the samples alive.
+_KEPT = Kept(lambda samples: Scattered(replace(samples)))
+
+
+def surface_of(samples: Samples) -> Scattered:
+    """Return the interpolation of samples, made once for as long as they live. Raises BadInput for too few."""
+    return _KEPT.of(samples)
 
 
 def made_of_samples(reflectance: Reflectance) -> bool:

@@ -32,7 +32,7 @@ from homofact.brdf.tilt import as_measured
 from homofact.evaluation.energy import EnergyErrors, SourceLight
 from homofact.evaluation.fixed_pictures import fixed_pictures, study_difference
 from homofact.evaluation.image_metrics import psnr
-from homofact.evaluation.kept import Kept
+from homofact.brdf.kept import Kept
 from homofact.evaluation.metric_table import LIGHT, METRICS
 from homofact.evaluation.metrics import explained_variance
 from homofact.evaluation.opinion import Opinion, opinion_table
@@ -148,7 +148,7 @@ class _SourceAppearance:
         by_lamp = _psnr(own_lamp, lamp, choose_exposure(own_lamp), "srgb")
         by_sky = _psnr(own_sky, sky, choose_middle(own_sky), "filmic")
         measured = None if self.measured is None else self.measured.errors(fit)
-        off = [_off(*pair) for pair in ((own_lamp, lamp), (own_sky, sky))]
+        off = [picture_off(*pair) for pair in ((own_lamp, lamp), (own_sky, sky))]
         seen = study_difference(own_study, study)
         return Appearance(energy, by_lamp, by_sky, self.explained(fit), measured, off[0], off[1], seen)
 
@@ -165,8 +165,8 @@ class _SourceAppearance:
 _KEPT = Kept(_SourceAppearance)
 
 
-def _off(source: SphereImage, fit: SphereImage) -> float:
-    """Σ|fit − source| over Σ|source| of the radiance of all pixels and channels; 0 where both are dark."""
+def picture_off(source: SphereImage, fit: SphereImage) -> float:
+    """Return Σ|fit − source| over Σ|source| of the radiance of all pixels and channels; 0 where both are dark."""
     theirs, mine = (image.radiance.to(torch.float64) * image.coverage[..., None] for image in (source, fit))
     missed, there = float((mine - theirs).abs().sum()), float(theirs.abs().sum())
     return 0.0 if missed == 0 else missed / max(there, 1e-300)

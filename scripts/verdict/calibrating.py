@@ -3,7 +3,8 @@
 Weights are those of ridge regressions on all fits of the first two parts. Quantiles, and the threshold of the warning,
 are of what models miss that have not seen the kind of fault, of right data the material, that they are asked about:
 the fits are left out fold by fold. The models for right data have seen right data alone; those for data that may be
-wrong all that can be known. What is good or bad says `judge.is_good`, the albedo within the measured range.
+wrong all that can be known. Their quantiles are of wrong data alone, each kind of fault with the same weight: the next
+fault is of another kind. What is good or bad says `judge.is_good`, the albedo within the measured range.
 
 The warning is a regression of how bad a fit is, the log of its worst error over the limit, cut to ±2, which knows more
 than a mere yes or no; a logistic of one number makes a probability of it.
@@ -24,7 +25,7 @@ from homofact.evaluation.energy import ALBEDO_DEGREES
 from homofact.evaluation.verdict.figures import Figures
 from homofact.evaluation.verdict.judge import OFF, OFF_LAMP, OFF_SKY, is_good
 from homofact.stability.fault import CasePart
-from scripts.verdict.regression import Columns, Standard, conformal_quantile, logistic, ridge
+from scripts.verdict.regression import Columns, Standard, conformal_quantile, logistic, quantile_of_groups, ridge
 
 PENALTY, PENALTY_OF_SPREAD, PENALTY_OF_WARNING = 0.1, 1.0, 0.03
 FOLDS = 8
@@ -114,7 +115,7 @@ def calibrated(fits: Sequence[SimulatedFit], made: dict[str, Any]) -> dict[str, 
     threshold = threshold_of(scores, [not fit.good for fit in known])
     right = [fit for fit in own if fit.right]
     doubted = {id(fit) for fit, score in zip(known, scores, strict=True) if fit.odds or score > threshold}
-    chosen = {"right": (right, {id(fit) for fit in right}), "fault": (known, doubted)}
+    chosen = {"right": (right, {id(fit) for fit in right}), "fault": (known, doubted - {id(fit) for fit in right})}
     bars, angles = {}, {}
     for kind, (some, counted) in chosen.items():
         bars[kind] = {name: bar_model(some, counted, name) for name in QUANTITIES}
@@ -136,7 +137,7 @@ def bar_model(
 ) -> dict[str, Any]:
     """The models of a bar, and the quantile of what they miss on fits left out, as the table holds them.
 
-    The quantile is of the fits whose ids are `counted`.
+    The quantile is of the fits whose ids are `counted`. If any of them has wrong data, kinds of faults weigh the same.
     """
     rows = [fit.features(quantity, angle) for fit in fits]
     y = np.array([math.log(min(max(fit.error(quantity, angle), LEAST_ERROR), MOST_ERROR)) for fit in fits])
@@ -152,7 +153,10 @@ def bar_model(
             spreads[out] = np.maximum(spread[0] + x @ spread[1], LEAST_SPREAD)
     standard, model, spread = _models(rows, y, folds)
     own = np.array([id(fit) in counted for fit in fits])
-    quantile = conformal_quantile(((y - middle) / spreads)[own].tolist(), RATE)
+    missed = ((y - middle) / spreads)[own].tolist()
+    groups = [fit.group for fit, is_own in zip(fits, own, strict=True) if is_own]
+    right = all(fit.right for fit, is_own in zip(fits, own, strict=True) if is_own)
+    quantile = conformal_quantile(missed, RATE) if right else quantile_of_groups(missed, groups, RATE)
     return {
         "model": standard.record(*model),
         "spread": standard.record(*spread),

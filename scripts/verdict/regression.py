@@ -5,6 +5,7 @@ fits at either end have: nothing is extrapolated.
 """
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
@@ -93,3 +94,16 @@ def wilson(hits: int, count: int, deviate: float = 1.96) -> tuple[float, float]:
     middle = (share + spread / 2) / (1 + spread)
     half = deviate * math.sqrt(share * (1 - share) / count + spread / (4 * count)) / (1 + spread)
     return max(middle - half, 0.0), min(middle + half, 1.0)
+
+
+def quantile_of_groups(missed: Sequence[float], groups: Sequence[str], rate: float) -> float:
+    """The least miss that is not exceeded by `rate` of the misses where each group has the same weight; 1 of none."""
+    if not missed:
+        return 1.0
+    share = {name: 1 / (count * len(set(groups))) for name, count in Counter(groups).items()}
+    reached = 0.0
+    for miss, group in sorted(zip(missed, groups, strict=True)):
+        reached += share[group]
+        if reached >= rate - 1e-12:
+            return miss
+    return max(missed)

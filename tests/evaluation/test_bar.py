@@ -1,7 +1,9 @@
 """Error bars: what they say, where they end, what widens them, and a reading that sees what a fit misses."""
 
+import gc
 import math
 import time
+import weakref
 from dataclasses import replace
 
 import pytest
@@ -17,9 +19,10 @@ from homofact.brdf.materials import material
 from homofact.brdf.quality.extrapolation import Extrapolation
 from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
+from homofact.brdf.scattered import surface_of
 from homofact.evaluation.bar.error_bar import GOOD, MOST, BarKind, ErrorBar, ErrorBars, percent
 from homofact.evaluation.bar.features import FEATURES, OF_QUANTITY, features_of
-from homofact.evaluation.bar.reading import reading_of
+from homofact.evaluation.bar.reading import LEAST_SAMPLES, reading_of
 from homofact.evaluation.bar.table import QUANTITIES, RATE, table
 from homofact.evaluation.energy import ALBEDO_DEGREES
 from homofact.evaluation.verdict.figures import Figures
@@ -49,6 +52,47 @@ def test_the_samples_own_model_is_read_as_right_and_a_scaled_one_as_off() -> Non
         assert mended == pytest.approx(-math.log(1.3), abs=0.02)
     assert off.highlight == pytest.approx(-math.log(1.3), abs=0.01)  # type: ignore[attr-defined]
     assert off.bias == pytest.approx(math.log(1.3), abs=0.02)  # type: ignore[attr-defined]
+
+
+def test_a_surface_through_the_samples_finds_a_scaled_fit_off_by_its_scale() -> None:
+    right, off = read(), read(1.3)
+    assert max(map(abs, right.surface)) < 0.01  # type: ignore[attr-defined]
+    assert right.surface_apart < 0.01  # type: ignore[attr-defined]
+    assert right.surface_lamp < 0.01  # type: ignore[attr-defined]
+    for through in (*off.surface, off.surface_highlight):  # type: ignore[attr-defined]
+        assert through == pytest.approx(-math.log(1.3), abs=0.01)
+    assert off.surface_apart == pytest.approx(0.3, abs=0.01)  # type: ignore[attr-defined]
+    assert off.surface_lamp == pytest.approx(0.3, abs=0.01)  # type: ignore[attr-defined]
+
+
+def test_the_worst_angle_of_a_surface_counts_and_one_that_diverges_counts_once() -> None:
+    """Half the light at grazing incidence is lost, and at another angle the fit is a thousand times too bright."""
+    half = Altered(lambda values, wi, wo: values * (0.5 + 0.5 * (wi[:, 2:] > 0.4)))
+    dark = reading_of(half, MANY, Extrapolation(MANY))
+    assert dark.surface[-1] == pytest.approx(math.log(2), abs=0.05)
+    assert dark.surface_apart == pytest.approx(0.5 / len(ALBEDO_DEGREES), abs=0.01)
+    bright = Altered(lambda values, wi, wo: values * (1 + 1000 * (wi[:, 2:] > 0.99)))
+    assert reading_of(bright, MANY, Extrapolation(MANY)).surface_apart == pytest.approx(
+        1 / len(ALBEDO_DEGREES), abs=0.02
+    )
+
+
+@pytest.mark.parametrize("samples", [replace(MANY, isotropic=False), MANY.subset(LEAST_SAMPLES - 1, 0)])
+def test_without_a_model_the_plain_interpolation_takes_the_place_of_the_surface(samples: Samples) -> None:
+    found = read(1.2, samples)
+    assert found.surface == pytest.approx(found.read_albedo)  # type: ignore[attr-defined]
+    assert found.surface_highlight == pytest.approx(found.read_highlight)  # type: ignore[attr-defined]
+    assert 0.1 < found.surface_apart < 1  # type: ignore[attr-defined]
+
+
+def test_the_surface_of_samples_is_made_once_and_goes_with_them() -> None:
+    samples = replace(MANY)
+    assert surface_of(samples) is surface_of(samples)
+    surface, alive = weakref.ref(surface_of(samples)), weakref.ref(samples)
+    del samples
+    gc.collect()
+    assert alive() is None
+    assert surface() is None
 
 
 def test_noise_is_mended_and_is_no_bias() -> None:

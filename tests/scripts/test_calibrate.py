@@ -71,6 +71,18 @@ def test_nine_of_ten_are_within_the_quantile(script: Script, count: int, place: 
     assert script("verdict.regression").conformal_quantile(range(1, count + 1)[::-1], 0.9) == place
 
 
+def test_groups_weigh_the_same_in_their_quantile(script: Script) -> None:
+    quantile = script("verdict.regression").quantile_of_groups
+    # Ninety small misses of one group, and two of ten of another that are above 3.
+    missed = [*(k / 100 for k in range(90)), *(1.0, 1.1, 1.2, 1.3, 1.4, 1.5, 1.6, 1.7, 3.1, 3.2)]
+    groups = ["a"] * 90 + ["b"] * 10
+    assert quantile(missed, groups, 0.9) == 1.7
+    assert quantile(missed, groups, 0.95) == 3.1
+    assert quantile(missed, ["a"] * 100, 0.9) == 0.89
+    assert quantile(missed[::-1], groups[::-1], 0.9) == 1.7
+    assert quantile([], [], 0.9) == 1.0
+
+
 def test_a_rate_has_its_interval(script: Script) -> None:
     low, high = script("verdict.regression").wilson(9, 10)
     assert (low, high) == (pytest.approx(0.596, abs=1e-3), pytest.approx(0.982, abs=1e-3))

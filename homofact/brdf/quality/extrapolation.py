@@ -40,7 +40,7 @@ from torch import Tensor
 from homofact.brdf.pair_density import draw_lobe, scheme_of
 from homofact.brdf.places import half_places
 from homofact.brdf.samples import Samples
-from homofact.brdf.scattered import Scattered
+from homofact.brdf.scattered import Scattered, surface_of
 from homofact.brdf.symmetry import angles_of_pairs
 from homofact.geometry.coordinates import coordinate_system
 from homofact.geometry.nearest import tree_of
@@ -178,7 +178,7 @@ class Extrapolation:
 
 def _surface_of(samples: Samples) -> Scattered | None:
     """The interpolation of the samples; None of too few, and of clipped ones, whose highlight it would not know."""
-    return None if samples.clipped is not None or len(samples) < LEAST_FOLLOWED else Scattered(samples)
+    return None if samples.clipped is not None or len(samples) < LEAST_FOLLOWED else surface_of(samples)
 
 
 def _largest_of(values: Tensor, tree: "KDTree", place: np.ndarray, count: int) -> Tensor:

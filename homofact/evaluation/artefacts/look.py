@@ -30,7 +30,7 @@ from homofact.brdf.source import Source, measured_epsilon
 from homofact.evaluation.artefacts.artefact import Artefact, artefact_of
 from homofact.evaluation.artefacts.structure import LUMA, SourceRange
 from homofact.evaluation.artefacts.views import View, views
-from homofact.evaluation.kept import Kept
+from homofact.brdf.kept import Kept
 from homofact.rendering.sphere import SphereImage
 from homofact.rendering.surface import shader
 from homofact.rendering.tonemap import TARGET, choose_exposure, choose_middle, displayed

@@ -17,7 +17,7 @@ _WORTH, _MOST = 0.5, 2
 # What each figure of a quantity measures, by the figure whose words stand for both.
 _SAME = {
     "own_mended": "mended", "own_read": "apart", "own_chance": "scatter", "own_gap": "samples",
-    "own_unmeasured": "unmeasured",
+    "own_unmeasured": "unmeasured", "own_surface": "surface_apart",
 }  # fmt: skip
 
 # The setting that removes a cause.
@@ -29,7 +29,7 @@ _EITHER_WAY = {"contrast"}
 WORDS = {
     "mended": "the error that a correction by the nearest samples removes",
     "bias": "the error on which both halves of the samples agree",
-    "apart": "the difference between the fit and an interpolation of the samples",
+    "apart": "the difference between the logarithms of the fit and of an interpolation of the samples",
     "unexplained": "the variation of the samples that the fit does not explain",
     "misplaced": "the misplaced light",
     "gap": "the held-out error over the training error",
@@ -56,6 +56,8 @@ WORDS = {
     "effective": "the number of samples that carry the light",
     "highest": "the range of grazing angles without measurements",
     "odds": "the suspicion that the data are faulty",
+    "surface_apart": "the difference between the light of the fit and that of an interpolation of the samples",
+    "surface_lamp": "the difference between a picture of the fit and one of an interpolation of the samples",
 }
 
 

@@ -44,6 +44,8 @@ FEATURES = {
     "effective": "number of samples that hold the light",
     "highest": "how far from the normal was measured",
     "odds": "largest odds of a suspicion",
+    "surface_apart": "light by which the fit differs from a surface through the samples",
+    "surface_lamp": "the same of a picture under a lamp",
 }
 OF_QUANTITY = {
     "own_mended": "log of the corrected fit's light over the fit's",
@@ -51,6 +53,7 @@ OF_QUANTITY = {
     "own_chance": "what two halves of the samples differ by",
     "own_gap": "how far the light is from the nearest sample",
     "own_unmeasured": "share of this light beyond the measurement",
+    "own_surface": "log of the light of a surface through the samples over the fit's",
 }
 _MOST_APART = 2.0  # of logs of light: a reading that is farther off says no more
 GAP_FLOOR = 0.1  # added to the ratio of held-out to training error before its logarithm
@@ -99,6 +102,8 @@ def common_features(figures: "Figures", odds: Mapping[str, float]) -> dict[str, 
         "effective": _log(reading.effective, 1.0),
         "highest": _log(90 - coverage.highest, 2.0),
         "odds": _log(max(odds.values(), default=1.0), 1.0),
+        "surface_apart": _log(reading.surface_apart, 0.002),
+        "surface_lamp": _log(reading.surface_lamp, 0.003),
     }
 
 
@@ -115,13 +120,20 @@ def features_of(
     if quantity == "highlight":
         own = (
             abs(reading.highlight), abs(reading.read_highlight), reading.highlight_chance, reading.highlight_gap,
-            max(reading.unmeasured[k] for k in inside),
+            max(reading.unmeasured[k] for k in inside), abs(reading.surface_highlight),
         )  # fmt: skip
     else:
-        columns = (reading.albedo, reading.read_albedo, reading.chance, reading.gap, reading.unmeasured)
+        columns = (
+            reading.albedo,
+            reading.read_albedo,
+            reading.chance,
+            reading.gap,
+            reading.unmeasured,
+            reading.surface,
+        )
         chosen = [[abs(column[k]) for k in inside] for column in columns]
         own = tuple(max(each) if quantity == "albedo" else sum(each) / len(each) for each in chosen)
-    floors = (0.001, 0.005, 0.002, 0.005, 0.002)
+    floors = (0.001, 0.005, 0.002, 0.005, 0.002, 0.001)
     logs = {
         name: _log(min(value, _MOST_APART), floor) for name, value, floor in zip(OF_QUANTITY, own, floors, strict=True)
     }

@@ -1,4 +1,6 @@
-"""Compare a fit with an interpolation of the nearest samples, which needs no model.
+"""Compare a fit with interpolations of its samples.
+
+One needs no model.
 
 The interpolation at a pair of directions is the mean, over its nearest samples in (√θh, θd, φd), of the logarithms
 log(f/A + 0.01). A second one, the corrected fit, adds the mean residual at these samples to the logarithm of the fit.
@@ -8,6 +10,11 @@ directions of the other. The difference between the two halves measures chance.
 
 The fit's light is then integrated beside theirs at the angles of `energy.ALBEDO_DEGREES`: the total, and the brightest
 `energy.HIGHLIGHT` of it.
+
+The other is the surface of `brdf.scattered`, which follows a GGX model of isotropic samples between and beyond them. It
+is much nearer to a material than the mean of its neighbours, so beside it the fit's light is also compared node by node,
+and in a small picture under a lamp. Of anisotropic samples, and of fewer than `LEAST_SAMPLES`, the plain interpolation
+takes its place.
 """
 
 import math
@@ -18,16 +25,21 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from homofact.brdf.channels import display_of
 from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.places import half_places
 from homofact.brdf.quality.extrapolation import Extrapolation
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
+from homofact.brdf.scattered import surface_of
+from homofact.evaluation.appearance import picture_off
 from homofact.evaluation.energy import ALBEDO_DEGREES, HIGHLIGHT
 from homofact.evaluation.verdict.flux import flux_of
 from homofact.geometry.directions import from_spherical
 from homofact.geometry.nearest import tree_of
 from homofact.geometry.quadrature import hemisphere_nodes
+from homofact.rendering.light import DEFAULT_LIGHT
+from homofact.rendering.sphere import SphereImage, render_sphere
 
 if TYPE_CHECKING:
     from scipy.spatial import KDTree
@@ -37,6 +49,9 @@ MOST_SAMPLES = 12_000
 _EPSILON = 0.01
 _RINGS, _SPOKES = 24, 20
 _TINY = 1e-300
+LEAST_SAMPLES = 100  # of a surface: fewer have no model (`brdf.scattered`)
+_PIXELS = 48
+_MOST_APART = 1.0  # times the light of an angle: a fit that diverges at one does not hide the others
 
 
 @dataclass(frozen=True)
@@ -56,6 +71,10 @@ class SampleReading:
     gap : per angle, how far the fit's light is from the nearest sample, in (√θh, θd, φd) from 0 to 1 each, on average.
     highlight_gap : the same of the brightest light.
     effective : how many samples hold the light, (Σ f)²/Σ f² of it.
+    surface : per angle, log of the surface's total light over the fit's, of the channel that is farthest off.
+    surface_highlight : the same of the brightest light, all angles together.
+    surface_apart : Σ|fit − surface| over the surface's light, the mean of the angles.
+    surface_lamp : the same of a sphere under a lamp.
     """
 
     apart: float
@@ -71,6 +90,10 @@ class SampleReading:
     gap: tuple[float, ...]
     highlight_gap: float
     effective: float
+    surface: tuple[float, ...]
+    surface_highlight: float
+    surface_apart: float
+    surface_lamp: float
 
 
 @dataclass(frozen=True)
@@ -104,6 +127,9 @@ def reading_of(fit: Reflectance, samples: Samples, extrapolation: Extrapolation,
     plain, better = nodes.lights(whole)
     one, two = (nodes.lights(half)[0] for half in halves)
     own = nodes.light(nodes.values)
+    surface = _surface_of(samples, drawn, whole, transform)
+    through = nodes.values_of(surface)
+    light_through = nodes.light(through)
     return SampleReading(
         apart,
         mended,
@@ -117,7 +143,22 @@ def reading_of(fit: Reflectance, samples: Samples, extrapolation: Extrapolation,
         nodes.beyond(extrapolation),
         *nodes.gaps(whole.tree),
         float(light.sum() ** 2 / light.square().sum().clamp_min(_TINY)),
+        _farthest(light_through[0], own[0]),
+        _log_ratio(light_through[1], own[1]),
+        nodes.apart(through),
+        picture_off(*(_lit(each) for each in (surface, fit))),
     )
+
+
+def _surface_of(samples: Samples, drawn: Samples, whole: "_Known", transform: LogTransform) -> Reflectance:
+    """The surface through the samples; where there is none, the plain interpolation of those `drawn`."""
+    if samples.isotropic and len(samples) >= LEAST_SAMPLES:
+        return surface_of(samples)
+    return _Plain(whole, transform, drawn.isotropic, drawn.channels)
+
+
+def _lit(reflectance: Reflectance) -> SphereImage:
+    return render_sphere(reflectance, DEFAULT_LIGHT, _PIXELS, to_rgb=display_of(reflectance.channels))
 
 
 def _known(place: np.ndarray, logs: Tensor, missed: Tensor, chosen: Tensor) -> _Known:
@@ -140,6 +181,22 @@ def _between_halves(
 
 
 @dataclass(frozen=True)
+class _Plain:
+    """The plain interpolation as a reflectance."""
+
+    known: _Known
+    transform: LogTransform
+    isotropic: bool
+    channels: tuple[str, ...]
+    nbytes: int = 0
+    fetches: int = NEIGHBOURS
+
+    def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
+        """Return the values (N, C) in sr⁻¹."""
+        return self.transform.inverse(self.known.read(half_places(wi, wo, self.isotropic).cpu().numpy())[0])
+
+
+@dataclass(frozen=True)
 class _Nodes:
     """Where light is integrated: pairs (angles × nodes, 3), the weight of each, and the fit's values there (…, C)."""
 
@@ -158,8 +215,7 @@ class _Nodes:
         lit = from_spherical(theta, torch.zeros_like(theta))
         wo, solid = hemisphere_nodes(lit, _RINGS, _SPOKES)
         wi, weight = lit[:, None].expand_as(wo).reshape(-1, 3), solid * wo[..., 2]
-        values = fit.evaluate(wi, wo.reshape(-1, 3)).to(torch.float64)
-        values = values.reshape(*weight.shape, -1)
+        values = _values_at(fit, wi, wo.reshape(-1, 3), weight)
         flux = weight * values.mean(-1)
         order = values.mean(-1).argsort(dim=1, descending=True, stable=True)
         before = flux.gather(1, order).cumsum(1) - flux.gather(1, order)
@@ -180,6 +236,16 @@ class _Nodes:
         flux = self.weight[..., None] * values
         return flux.sum(1), float((flux * self.brightest[..., None]).sum())
 
+    def values_of(self, reflectance: Reflectance) -> Tensor:
+        """Return the values of a reflectance at the nodes (angles, nodes, C)."""
+        return _values_at(reflectance, self.wi, self.wo, self.weight)
+
+    def apart(self, values: Tensor) -> float:
+        """Return Σ|fit − values| over Σ values of the light, the mean of the angles; one angle counts 1 at most."""
+        flux = self.weight[..., None] * values
+        missed = (self.weight[..., None] * (self.values - values)).abs().sum((1, 2))
+        return float((missed / flux.sum((1, 2)).clamp_min(_TINY)).clamp_max(_MOST_APART).mean())
+
     def gaps(self, tree: "KDTree") -> tuple[tuple[float, ...], float]:
         """Return `gap` and `highlight_gap` of `SampleReading`."""
         flux = self.weight * self.values.mean(-1)
@@ -193,6 +259,11 @@ class _Nodes:
         flux = self.weight * self.values.mean(-1)
         outside = ~extrapolation.measured(self.wi, self.wo).reshape(flux.shape)
         return tuple(((flux * outside).sum(1) / flux.sum(1).clamp_min(_TINY)).tolist())
+
+
+def _values_at(reflectance: Reflectance, wi: Tensor, wo: Tensor, weight: Tensor) -> Tensor:
+    """Values at pairs (angles × nodes, 3), shaped as the nodes' `weight` (angles, nodes) with channels (…, C)."""
+    return reflectance.evaluate(wi, wo).to(torch.float64).reshape(*weight.shape, -1)
 
 
 def _farthest(light: Tensor, own: Tensor) -> tuple[float, ...]:

@@ -1,4 +1,4 @@
-"""What is computed of a source once and kept for its next fit, as long as the source object lives."""
+"""What is computed of a source, or of samples, once and kept for the next use, as long as the object lives."""
 
 import weakref
 from collections.abc import Callable
