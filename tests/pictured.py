@@ -24,8 +24,8 @@ def small_spheres() -> Iterator[None]:
 def no_looks() -> Iterator[None]:
     """Within it fits are judged by light at few angles and small pictures, and without a search for artefacts."""
     from homofact.api import fitting
-    from homofact.evaluation import appearance, compare, energy
     from homofact.brdf.kept import Kept
+    from homofact.evaluation import appearance, compare, energy
     from homofact.planning import material_fits
 
     with pytest.MonkeyPatch.context() as patch:

@@ -197,8 +197,8 @@ def measure(
         _write_completed(places[1], estimate, known, seed)
     return MeasureResult(
         known, angles, found.incidences, found.seconds, found.seconds_unordered, found.foretold, found.remaining,
-        found.change, found.change_by_rings, found.change_by_rings < stop, _highest(known), max(posterior.scale, 1.0) ** 0.5, estimate,
-        [place for place in places if place is not None],
+        found.change, found.change_by_rings, found.change_by_rings < stop, _highest(known),
+        max(posterior.scale, 1.0) ** 0.5, estimate, [place for place in places if place is not None],
     )  # fmt: skip
 
 

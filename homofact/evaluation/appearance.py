@@ -24,6 +24,7 @@ from typing import Any
 import torch
 
 from homofact.brdf.channels import display_of
+from homofact.brdf.kept import Kept
 from homofact.brdf.pair_density import RIM
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.scattered import made_of_samples
@@ -32,7 +33,6 @@ from homofact.brdf.tilt import as_measured
 from homofact.evaluation.energy import EnergyErrors, SourceLight
 from homofact.evaluation.fixed_pictures import fixed_pictures, study_difference
 from homofact.evaluation.image_metrics import psnr
-from homofact.brdf.kept import Kept
 from homofact.evaluation.metric_table import LIGHT, METRICS
 from homofact.evaluation.metrics import explained_variance
 from homofact.evaluation.opinion import Opinion, opinion_table

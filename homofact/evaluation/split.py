@@ -15,12 +15,12 @@ from typing import TYPE_CHECKING, Any
 
 import torch
 
+from homofact.brdf.kept import Kept
 from homofact.brdf.samples import Samples
 from homofact.brdf.source import Opening, Source
 from homofact.brdf.source_names import CALIBRATIONS, MOST_COUNT
 from homofact.brdf.stratified import stratified_subset
 from homofact.errors import BadInput
-from homofact.brdf.kept import Kept
 from homofact.files.fields import Fields
 from homofact.files.reading import split_member
 

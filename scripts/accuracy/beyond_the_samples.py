@@ -1,13 +1,14 @@
 """Measure fits where a goniometer did not: at grazing angles and between its rings, with and without a model there.
 
-    python scripts/accuracy/beyond_the_samples.py [--data FOLDER] [--textures N] [--size N]   # some three minutes
+    python scripts/accuracy/beyond_the_samples.py [--data FOLDER] [--textures N] [--size N] [--samples N]
 
 Named materials and measured tables (RGL) are "measured" with 1% noise on the rings of a goniometer that ends at 80°
 (`interpolated_samples.goniometer`). Of measured lists (Cornell) all samples with θi or θo in the outermost sixth of
 their angles are left out. Both are fitted by the search, once as it is, following a GGX model where nothing was
 measured (`brdf.quality.extrapolation`), and once without this model. Each row has the Cole error (ε = 0.01) and the
 mean squared error on held-out samples within the measured angles, the misplaced light Σ|fit − true| cosθi cosθo over
-Σ true at pairs beyond them, and there Σ fit over Σ true. Geometric means are last.
+Σ true at pairs beyond them, and there Σ fit over Σ true. Geometric means are last. With --samples, only so many of the
+training samples are fitted, drawn at random.
 """
 
 import argparse
@@ -67,12 +68,14 @@ def main() -> None:
     parser.add_argument("--data", type=Path, default=Path("data"), help="folder with rgl and cornell")
     parser.add_argument("--textures", type=int, default=2)
     parser.add_argument("--size", type=int, default=16)
+    parser.add_argument("--samples", type=int, default=None, help="training samples at most (default: all)")
     asked = parser.parse_args()
     surface_of = extrapolation._surface_of
     found: dict[str, list[tuple[float, ...]]] = {}
     print(f"{'material':24} {'fit':10} {'Cole error':>10} {'mse':>10} {'misplaced':>9} {'light':>6}")
     for name, train, held_out, beyond in known(asked.data):
         tests = held_out.rotated_at_random(0)
+        train = train if asked.samples is None else train.subset(asked.samples, 0)
         for label in ("no model", "model"):
             extrapolation._surface_of = surface_of if label == "model" else (lambda samples: None)
             fit = Search(textures=asked.textures, size=asked.size, epsilon=EPSILON).fit(train).factorization

@@ -35,6 +35,7 @@ UNTOUCHED = (
 )  # fmt: skip
 LAYOUTS = ("discs", "lobe", "rings")
 COUNTS = (2500, 5000)
+HIGHEST = (65.0, 70.0, 75.0, 80.0, 85.0)  # degrees at which rings end, as goniometers do
 _TWO = ("theta_h-theta_d", "theta_d-phi_d")
 _SEARCHES = (Search(textures=2, size=12, effort="quick"), Search(textures=1, size=16, effort="quick"))
 _OTHERS: dict[CasePart, tuple[Method, ...]] = {
@@ -104,7 +105,7 @@ def drawn_case(part: CasePart, number: int, folder: Path, seed: int = 0) -> Draw
     kinds = [each for each in faults if each.right is (place < 3)]
     fault = None if place == 0 else kinds[(2 * turn + place) % len(kinds)]
     strength = 0.0 if fault is None else float(fault.strengths[pick(len(fault.strengths))])
-    samples = measured(material, layout, count, number)
+    samples = measured(material, layout, count, number, HIGHEST[pick(len(HIGHEST))])
     if fault is not None:
         samples = fault.plant(samples, strength, number)
     others = _OTHERS[part]
@@ -112,17 +113,20 @@ def drawn_case(part: CasePart, number: int, folder: Path, seed: int = 0) -> Draw
     return DrawnCase(part, number, name, material, layout, samples, fault, strength, methods)
 
 
-def measured(material: Drawable, layout: str, count: int, seed: int) -> Samples:
-    """About `count` clean samples in one of `LAYOUTS`, without a word on how they were drawn."""
+def measured(material: Drawable, layout: str, count: int, seed: int, highest: float = 80.0) -> Samples:
+    """About `count` clean samples in one of `LAYOUTS`, without a word on how they were drawn.
+
+    Rings end at `highest` degrees, of light and view.
+    """
     if layout == "rings":
-        return on_rings(material, count)
+        return on_rings(material, count, highest)
     return replace(sample_model(material, count, layout, seed), provenance={})
 
 
-def on_rings(model: Reflectance, count: int) -> Samples:
-    """As a goniometer takes them: twelve angles of the light, rings of θo and Δφ, the angles out to 80°."""
+def on_rings(model: Reflectance, count: int, highest: float = 80.0) -> Samples:
+    """As a goniometer takes them: twelve angles of the light, rings of θo and Δφ, the angles out to the `highest`."""
     side = max(round((count / 24) ** 0.5), 4)
-    angles = (torch.linspace(0, 80, steps + 1, dtype=torch.float64)[1:].deg2rad() for steps in (12, side))
+    angles = (torch.linspace(0, highest, steps + 1, dtype=torch.float64)[1:].deg2rad() for steps in (12, side))
     turn = torch.linspace(0, torch.pi, 2 * side, dtype=torch.float64)
     i, o, phi = (each.reshape(-1) for each in torch.meshgrid(*angles, turn, indexing="ij"))
     wi, wo = from_spherical(i, i * 0), from_spherical(o, phi)

@@ -180,7 +180,7 @@ def test_the_table_and_the_files_are_on_the_screen(result: Path, tmp_path: Path,
         "fetches",
         "brdf.wgsl",
         "texture_1.exr",
-        "bytes of texels",
+        "bytes of graphics memory",
         "homofact_sample",
     ):
         assert words in shown, words

@@ -392,7 +392,7 @@ return [0, 1, 2].map((c) => mean.reduce((sum, weight, i) => sum + weight * rows[
 
 
 def test_a_narrower_highlight_can_have_the_same_albedo(page: Any) -> None:
-    page.execute_script("homofact.page.controls.edit(0)")
+    page.execute_script("homofact.page.controls.edit(0, 2)")
     quiet(page)
     before = page.execute_script(MEAN_ALBEDO, True)
     for _ in range(3):
@@ -402,8 +402,10 @@ def test_a_narrower_highlight_can_have_the_same_albedo(page: Any) -> None:
     click(page, "#shapes button:nth-child(7)")
     assert page.execute_script(MEAN_ALBEDO, False) == pytest.approx(before, rel=1e-6)
     # It is the same curve times a number for each channel.
-    ratios = values(page).reshape(-1, 3) / narrow.reshape(-1, 3)
-    assert np.allclose(ratios, ratios[0], rtol=1e-9, equal_nan=True)
+    lit = (narrow > 0).all(1)
+    ratios = values(page)[lit] / narrow[lit]
+    assert lit.sum() > 10
+    assert np.allclose(ratios, ratios[0], rtol=1e-9)
     count = steps(page)
     click(page, "#shapes button:nth-child(7)")
     assert steps(page) == count

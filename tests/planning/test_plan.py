@@ -23,6 +23,7 @@ from homofact.planning.ladder import (
     FITS,
     LADDER,
     LAMBERT,
+    MODELS,
     WHOLE,
     Candidate,
     FitOptions,
@@ -275,7 +276,7 @@ def test_a_scene_is_planned_and_compared_with_one_size_for_all() -> None:
     paint = found.materials[1].outcome
     assert paint is not None
     assert found.fetches == pytest.approx(0.3 * paint.fetches)
-    assert found.exhaustive_fits == 2 * len(FITS)
+    assert found.exhaustive_fits == 2 * len(FITS + MODELS)
     assert found.planning_fits <= found.exhaustive_fits / 5
     assert missed_by_all(found) == ()
 

@@ -5,10 +5,10 @@ values there too, but texels with few samples are poorly determined, and their e
 Therefore pairs of directions are drawn everywhere (the scheme lobe). Pairs that graze more than every sample, or that
 are farther from all samples than `FAR` times the usual distance between neighbours, get a value:
 
-* of `LEAST_FOLLOWED` isotropic samples or more that of `brdf.scattered`, which follows a GGX model of them, at
-  `FOLLOWED_SHARE` of the weight of all samples. Highlights grow towards grazing angles, where a goniometer ends;
-  textures that know the measured angles alone lost two thirds of the light beyond them
-  (`scripts/accuracy/beyond_the_samples.py`);
+* of `LEAST_FOLLOWED` isotropic samples or more (of fewer than `MANY`, if they end before `GRAZING`) that of
+  `brdf.scattered`, which follows a GGX model of them, at `FOLLOWED_SHARE` of the weight of all samples. Highlights grow
+  towards grazing angles, where a goniometer ends; textures that know the measured angles alone lost two thirds of the
+  light beyond them (`scripts/accuracy/beyond_the_samples.py`);
 * of others that of the nearest sample, at `SHARE`: enough to determine texels without samples, negligible elsewhere.
 
 The finished fit is then checked at a denser set of pairs. It may reach `EXCESS` times a bound.
@@ -49,8 +49,9 @@ if TYPE_CHECKING:
     from scipy.spatial import KDTree
 
 COUNT, SHARE, FOLLOWED_SHARE = 6000, 0.003, 0.1
-# Of fewer samples, the held-out error of the logarithms rose, though that of the values fell.
-LEAST_FOLLOWED = 500
+# Fewer samples say too little of a model. Of fewer than MANY, none is followed if they reach the grazing angle: there
+# is little beyond them to gain.
+LEAST_FOLLOWED, MANY, GRAZING = 150, 500, math.radians(86.0)
 _CHECKED = 60_000  # pairs at which a fit is held against what it may not exceed
 FAR, LEAST_FAR = 3.0, 0.08
 EXCESS, MOST = 1.2, 0.05  # what a fit may be of the largest sample that bounds it; the weight that holds it there
@@ -178,7 +179,10 @@ class Extrapolation:
 
 def _surface_of(samples: Samples) -> Scattered | None:
     """The interpolation of the samples; None of too few, and of clipped ones, whose highlight it would not know."""
-    return None if samples.clipped is not None or len(samples) < LEAST_FOLLOWED else surface_of(samples)
+    if samples.clipped is not None or len(samples) < LEAST_FOLLOWED:
+        return None
+    reach_grazing = float(_least_cosine(samples).min()) < math.cos(GRAZING)
+    return None if len(samples) < MANY and reach_grazing else surface_of(samples)
 
 
 def _largest_of(values: Tensor, tree: "KDTree", place: np.ndarray, count: int) -> Tensor:

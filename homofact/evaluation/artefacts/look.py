@@ -22,6 +22,7 @@ from scipy import ndimage
 from torch import Tensor
 
 from homofact.brdf.channels import display_of
+from homofact.brdf.kept import Kept
 from homofact.brdf.neighbours import interpolated
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
@@ -30,7 +31,6 @@ from homofact.brdf.source import Source, measured_epsilon
 from homofact.evaluation.artefacts.artefact import Artefact, artefact_of
 from homofact.evaluation.artefacts.structure import LUMA, SourceRange
 from homofact.evaluation.artefacts.views import View, views
-from homofact.brdf.kept import Kept
 from homofact.rendering.sphere import SphereImage
 from homofact.rendering.surface import shader
 from homofact.rendering.tonemap import TARGET, choose_exposure, choose_middle, displayed

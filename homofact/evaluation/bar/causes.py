@@ -70,9 +70,9 @@ def gap_in_words(gap: float, is_held_out: bool = True) -> str:
     Examples
     --------
     >>> gap_in_words(1.08)
-    'held out / training 1.08 (usual: 1.4)'
+    'held out / training 1.08 (usual: 1.3)'
     >>> gap_in_words(2.93)
-    'held out / training 2.93 (usual: 1.4)'
+    'held out / training 2.93 (usual: 1.3)'
     """
     if not is_held_out and gap == 1:
         return "nothing held out"

@@ -12,9 +12,9 @@ The fit's light is then integrated beside theirs at the angles of `energy.ALBEDO
 `energy.HIGHLIGHT` of it.
 
 The other is the surface of `brdf.scattered`, which follows a GGX model of isotropic samples between and beyond them. It
-is much nearer to a material than the mean of its neighbours, so beside it the fit's light is also compared node by node,
-and in a small picture under a lamp. Of anisotropic samples, and of fewer than `LEAST_SAMPLES`, the plain interpolation
-takes its place.
+is much nearer to a material than the mean of its neighbours, so beside it the fit's light is also compared node by
+node, and in a small picture under a lamp. Of anisotropic samples, and of fewer than `LEAST_SAMPLES`, the plain
+interpolation takes its place.
 """
 
 import math

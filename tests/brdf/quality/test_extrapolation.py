@@ -14,6 +14,7 @@ from homofact.brdf.pair_density import draw_lobe
 from homofact.brdf.quality.extrapolation import EXCESS, Extrapolation
 from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
+from homofact.brdf.scattered import surface_of
 from homofact.brdf.symmetry import angles_of_pairs
 from homofact.geometry.directions import from_spherical
 from homofact.methods.search import Search
@@ -182,7 +183,9 @@ def test_a_fit_of_a_measurement_does_not_blow_up_beyond_it() -> None:
     samples = goniometer(60)
     fit = Search(textures=2, size=12, effort=60.0, epsilon=1e-3).fit(samples).factorization
     wi, wo = draw_lobe(50_000, torch.Generator().manual_seed(5))
-    assert float((fit.evaluate(wi, wo) / samples.values.amax(0)).max()) < 1.5 * EXCESS
+    # Grazing highlights of the model that is followed may be brighter than every sample.
+    bound = torch.maximum(samples.values.amax(0), surface_of(samples).modelled(wi, wo))
+    assert float((fit.evaluate(wi, wo) / bound).max()) < 1.5 * EXCESS
     turned = replace(samples.rotated_at_random(1), all_azimuths=False)
     assert Extrapolation(turned).carried_on() is not None
 
