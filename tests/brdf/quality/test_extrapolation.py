@@ -11,12 +11,12 @@ import homofact
 from homofact.brdf.analytic import Ward
 from homofact.brdf.analytic.ggx import GgxBrdf, GgxLobe
 from homofact.brdf.pair_density import draw_lobe
-from homofact.brdf.quality.extrapolation import EXCESS, Extrapolation
+from homofact.brdf.quality.extrapolation import COUNT, EXCESS, FOLLOWED_SHARE, SHARE, Extrapolation
 from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
 from homofact.brdf.scattered import surface_of
 from homofact.brdf.symmetry import angles_of_pairs
-from homofact.geometry.directions import from_spherical
+from homofact.geometry.directions import draw_in_discs, from_spherical
 from homofact.methods.search import Search
 
 GLOSS = Ward((0.05, 0.1), (0.1, 0.2), alpha_x=0.15, alpha_y=0.15, channels=("R", "G"))
@@ -62,6 +62,26 @@ def test_what_is_not_measured_is_carried_on_at_little_weight_without_a_model() -
     assert float(more.values.max()) <= float(samples.values.max())
     assert {tuple(row) for row in more.values.tolist()} <= {tuple(row) for row in samples.values.tolist()}
     assert 0 < float(more.weights.sum()) < 0.01 * float(samples.weights.sum())
+
+
+@pytest.mark.parametrize(
+    ("count", "most", "followed"),
+    [(150, 60, True), (149, 60, False), (499, 60, True), (499, 88, False), (500, 88, True), (150, 85, True)],
+)
+def test_short_lists_follow_the_model_where_they_end_before_grazing_angles(
+    count: int, most: float, followed: bool
+) -> None:
+    wi, wo = draw_in_discs(4000, torch.Generator().manual_seed(3), 1.0)
+    within = torch.minimum(wi[:, 2], wo[:, 2]) > math.cos(math.radians(most))
+    wi, wo = wi[within], wo[within]
+    # One pair at the largest angle, so that every list reaches it.
+    edge = torch.tensor([[math.sin(math.radians(most)), 0.0, math.cos(math.radians(most))]], dtype=torch.float64)
+    wi, wo = torch.cat((edge, wi[: count - 1])), torch.cat((edge * torch.tensor([-1.0, 1, 1]), wo[: count - 1]))
+    samples = Samples(wi, wo, GLOSS.evaluate(wi, wo), channels=GLOSS.channels, isotropic=True)
+    more = Extrapolation(samples).carried_on()
+    assert more is not None
+    share = float(more.weights[0]) * COUNT / float(samples.weights.sum())
+    assert share == pytest.approx(FOLLOWED_SHARE if followed else SHARE)
 
 
 def test_what_is_measured_is_told_pair_by_pair() -> None:
