@@ -100,9 +100,11 @@ def _headline(found: "FactorizeResult") -> str:
     count, sizes = record["textures"], shapes(record["shapes"])
     of = f"of {sizes.removeprefix(f'{count} × ')}" if sizes.startswith(f"{count} × ") else f"({sizes})"
     made = f"{counted(count, 'texture')} {of}" if count else "a model without textures"
+    twice = record["fetches"] - count
+    read = f" ({counted(twice, 'texture')} read twice)" if 0 < twice <= count else ""
     return (
         f"{found.source.name}, fitted by {next(iter(found.rows))}: {made},"
-        f" {counted(record['bytes'], 'byte')} as float32, {counted(record['fetches'], 'fetch')} per evaluation"
+        f" {counted(record['bytes'], 'byte')} as float32, {counted(record['fetches'], 'fetch')} per evaluation{read}"
     )
 
 

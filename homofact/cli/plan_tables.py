@@ -108,7 +108,9 @@ def _no_better(best: "Neighbour | None", error: float) -> tuple[str, str, str]:
     if best is None:
         return "no larger candidate", "–", "–"
     gains = "gain little" if best.error < error else "err no less"
-    why = "found none that errs less; best of those tried" if best.measured else f"not tried, expected to {gains}; best"
+    why = (
+        "those that were tried err no less; best of them" if best.measured else f"not tried, expected to {gains}; best"
+    )
     return f"{why}: {best.candidate.words}", str(best.bytes), _used(best)
 
 

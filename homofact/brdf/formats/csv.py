@@ -227,8 +227,8 @@ def _angle_fault(name: str, angle: Tensor, form: tuple[str, ...]) -> _Fault:
     def said(row: int) -> BadInput:
         # A negative angle is no less wrong in degrees.
         degrees = form not in _IN_DEGREES and (float(angle[row]) > 0 or not polar)
-        names = ", ".join(f"{each.removesuffix('_rad')}_deg" for each in form)
-        hint = f"for degrees name the columns {names}" if degrees else ""
+        example = f"{form[0].removesuffix('_rad')}_deg"
+        hint = f"for degrees end the names of all columns of angles in _deg, such as {example}" if degrees else ""
         return BadInput(f"{name} is {float(angle[row]):g}", expected=expected, hint=hint)
 
     return wrong, said

@@ -133,8 +133,16 @@ def doubted(angle: TiltAngle, law: str) -> TiltAngle:
             f"pairs near the plane of incidence want {angle.near_plane:+.3f}° and all pairs {angle.degrees:+.3f}°,"
             " which no tilt explains"
         )
-    elif angle.undone > (1 - LEAST_GAIN) * angle.misfit or angle.misfit**2 - angle.undone**2 < angle.own**2:
-        reason = f"a tilt explains too little: undone, the error falls from {angle.misfit:.1%} to {angle.undone:.1%}"
+    elif angle.undone > (1 - LEAST_GAIN) * angle.misfit:
+        reason = (
+            f"a tilt of {angle.degrees:+.3f}° ({span}) is possible, but undoing it lowers the error by only"
+            f" {1 - angle.undone / angle.misfit:.1%} (from {angle.misfit:.2%}), expected at least {LEAST_GAIN:.0%}"
+        )
+    elif angle.misfit**2 - angle.undone**2 < angle.own**2:
+        reason = (
+            f"undoing a tilt of {angle.degrees:+.3f}° lowers the error from {angle.misfit:.2%} to {angle.undone:.2%},"
+            f" by less than the table's own error of {angle.own:.2%}"
+        )
     else:
         reason = ""
     return replace(angle, reason=reason)

@@ -53,7 +53,7 @@ class LightFigures:
     off_where : where that is, in words.
     highlight : the same of the brightest part of the light.
     texels_across : half width of the source's highlight in texels of the finest texture; None where there is none.
-    albedo : largest ∫ f cosθo dωo of the fit over channels and angles up to 88°.
+    albedo, albedo_at : largest ∫ f cosθo dωo of the fit over channels and angles up to 88°; at which θi in degrees.
     step, step_where : its albedo at an angle up to 45° over that at the next, farthest from 1; which.
     source_albedo : that of the source at up to 75°, None if it cannot be evaluated.
     reciprocity : Σ|f(ωi, ωo) − f(ωo, ωi)| over the sum of both, of the fit's light.
@@ -72,6 +72,7 @@ class LightFigures:
     highlight: float | None
     texels_across: float | None
     albedo: float
+    albedo_at: float
     step: float
     step_where: str
     source_albedo: float | None

@@ -137,6 +137,7 @@ def _light(
         highlight=flux.brightest(drawn, light, values) if seen is None else seen.energy.highlight,
         texels_across=None if width is None or not fitted.textures else width * texels_per_radian(fitted),
         albedo=float(albedos.max()),
+        albedo_at=flux.ALBEDO_DEGREES[int(albedos.amax((1, 2)).argmax())],
         step=step,
         step_where=step_where,
         source_albedo=None if seen is None else max(max(row) for row in seen.energy.source_albedo),

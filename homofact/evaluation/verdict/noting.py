@@ -179,6 +179,17 @@ def _dark(noted: Noted) -> float | None:
     return max(data.dark, data.black / 5) if data.gamut <= _ZEROS and noted.epsilon < 1 else None
 
 
+def _too_bright(noted: Noted) -> float | None:
+    """The largest albedo of the fit; None where the source's own is too large."""
+    light = noted.figures.light
+    return light.albedo if (light.source_albedo or 1) <= LARGEST_ALBEDO else None
+
+
+def _beyond(noted: Noted) -> bool:
+    """Whether the largest albedo is at an angle that was not measured."""
+    return noted.figures.light.albedo_at > noted.figures.coverage.highest
+
+
 def _gap(noted: Noted) -> float | None:
     """Held-out over training error; None if it costs next to no light, or the source can be evaluated everywhere."""
     errors = noted.figures.errors
@@ -229,9 +240,13 @@ _NOTES = (
     _Note("positivity", _F, lambda n: n.figures.errors.cut, 0.01,
           "{value:.0%} of the held-out light is cut at zero, expected at most {most:.0%}",
           "a larger epsilon, or more terms"),
-    _Note("energy", _F, lambda n: n.figures.light.albedo if (n.figures.light.source_albedo or 1) <= LARGEST_ALBEDO
-          else None, LARGEST_ALBEDO, "the fit's directional albedo is {value:.3g} at some angle up to 88°, expected at"
-          " most {most:g}", "check the measurement's units and its grazing angles (homofact info)", feature="energy"),
+    _Note("energy", _F, lambda n: _too_bright(n) if _beyond(n) else None, LARGEST_ALBEDO,
+          "the fit's directional albedo is {value:.3g} at θi = {noted.figures.light.albedo_at:g}°, beyond the measured"
+          " {noted.figures.coverage.highest:.0f}°, expected at most {most:g}",
+          "measure larger angles, or clamp the fit there", feature="energy"),
+    _Note("energy", _F, lambda n: None if _beyond(n) else _too_bright(n), LARGEST_ALBEDO,
+          "the fit's directional albedo is {value:.3g} at θi = {noted.figures.light.albedo_at:g}°, expected at most"
+          " {most:g}", "check the measurement's units and its grazing angles (homofact info)", feature="energy"),
     _Note("step", _F, lambda n: abs(math.log(n.figures.light.step)), math.log(1.5),
           "the fit's directional albedo at {noted.figures.light.step_where} is {noted.figures.light.step:.3g}, expected"
           " 1 within a factor of 1.5",
