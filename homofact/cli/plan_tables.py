@@ -54,7 +54,7 @@ def headline(found: "ScenePlan") -> str:
     miss = f"; missed for {missed} of {len(found.distinct)}" if missed else ""
     return (
         f"{counted(len(found.distinct), 'material')}: {counted(found.bytes, 'byte')} in"
-        f" {counted(textures, 'texture')}, {fetches_in_words(found.fetches)} per pixel; tolerance:"
+        f" {counted(textures, 'texture')}, {fetches_in_words(found.fetches)} per pixel on average; tolerance:"
         f" {found.tolerance_words} under {lightings}{miss}"
     )
 
@@ -108,9 +108,7 @@ def _no_better(best: "Neighbour | None", error: float) -> tuple[str, str, str]:
     if best is None:
         return "no larger candidate", "–", "–"
     gains = "gain little" if best.error < error else "err no less"
-    why = (
-        "those that were tried err no less; best of them" if best.measured else f"not tried, expected to {gains}; best"
-    )
+    why = "those tried err hardly less; best of them" if best.measured else f"not tried, expected to {gains}; best"
     return f"{why}: {best.candidate.words}", str(best.bytes), _used(best)
 
 

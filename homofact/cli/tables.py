@@ -10,7 +10,7 @@ from rich.text import Text
 from homofact.cli.flags import with_options
 from homofact.cli.layout import add_figures, add_names, plain_table
 from homofact.errors import Status
-from homofact.evaluation.wording import brief_figure, counted, figure, of_repeats, repeated_by, shapes
+from homofact.evaluation.wording import brief_figure, counted, figure, of_repeats, ratio_figure, repeated_by, shapes
 
 if TYPE_CHECKING:
     from homofact.evaluation.means import MeanRow
@@ -231,7 +231,7 @@ def pair_table(pairs: "Sequence[MethodPair]") -> Table:
             spread = pair.spread(name)
             cells += [
                 f"{pair.lower(name)} of {spread.count}",
-                f"{brief_figure(spread.low)} to {brief_figure(spread.high)}",
+                f"{ratio_figure(spread.low)} to {ratio_figure(spread.high)}",
             ]
         table.add_row(Text(pair.other), *cells)
     return table
@@ -242,7 +242,8 @@ def mean_table(rows: "Sequence[MeanRow]") -> Table:
     from homofact.evaluation.metric_table import METRICS
 
     fits = max(row.fits for row in rows)
-    counts = f", each of up to {counted(fits, 'fit')}" if fits > 1 else " (one fit each)"
+    upto = "" if all(row.fits == fits for row in rows) else "up to "
+    counts = f", each of {upto}{counted(fits, 'fit')}" if fits > 1 else " (one fit each)"
     table = plain_table(f"Mean ± standard deviation by method and bytes{counts}")
     add_names(table)
     add_figures(table, "bytes", "fits")

@@ -1,7 +1,7 @@
 """Methods over several sources, seeds and splits in one table, for a paper: means and deviations, as CSV and LaTeX.
 
 Fits are gathered by method and by the bytes that they could fill, since an error is only to be compared at equal bytes.
-A fit may fill fewer; a row has the bytes and fetches of its largest fit. Standard deviations are those of a sample
+A fit may fill fewer; a row has the most bytes and fetches of any of its fits. Standard deviations are those of a sample
 (n − 1). Sources differ far more than the fits to one of them, so a row over several sources has two: that of the
 sources' means, and that of the fits to a source, by several seeds or on several splits: √(mean of the variances) over
 the sources.
@@ -140,7 +140,7 @@ def mean_rows(fits: Sequence[MeasuredFit], source: str = "") -> list[MeanRow]:
     for method in dict.fromkeys(fit.method for fit in own):
         for group in sorted({fit.group for fit in own if fit.method == method}):
             some = [fit for fit in own if fit.group == group]
-            nbytes, fetches = max((fit.nbytes, fit.fetches) for fit in some)
+            nbytes, fetches = max(fit.nbytes for fit in some), max(fit.fetches for fit in some)
             both = {name: _spreads([(fit.source, fit.values[name]) for fit in some]) for name in some[0].values}
             spreads = {name: spread for name, (spread, _) in both.items()}
             within_source = {name: deviation for name, (_, deviation) in both.items()}

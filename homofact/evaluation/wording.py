@@ -38,6 +38,17 @@ def brief_figure(value: float) -> str:
     return f"{value:.2g}" if value == 0 or 1e-4 <= abs(value) < 100 else f"{value:.1e}"
 
 
+def ratio_figure(value: float) -> str:
+    """Return a ratio with two significant digits, near 1 with three decimals, so that more than 1 never reads as 1.
+
+    Examples
+    --------
+    >>> [ratio_figure(value) for value in (0.0169, 0.996, 1.0, 1.0034, 1.27)]
+    ['0.017', '0.996', '1', '1.003', '1.3']
+    """
+    return f"{value:.3f}" if value != 1 and abs(value - 1) < 0.05 else brief_figure(value)
+
+
 def part_of_limit(ratio: float) -> str:
     """Return an error over its limit in percent, and from ten times on as a multiple: "87%", "173 ×".
 

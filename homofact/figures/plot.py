@@ -12,7 +12,7 @@ from homofact.evaluation.compare import ComparisonRow
 from homofact.evaluation.metric_table import METRICS, SIX
 from homofact.evaluation.repeats import RepeatedRows
 from homofact.evaluation.spread import Spread
-from homofact.evaluation.wording import counted, of_repeats, shapes
+from homofact.evaluation.wording import of_repeats, shapes
 from homofact.figures.log_axis import log_x
 from homofact.figures.words import in_figure
 from homofact.files.atomic import replace_file
@@ -91,6 +91,8 @@ def _name(several: RepeatedRows) -> str:
     if not several.first.factorization.textures:
         lobes = getattr(settings, "lobes", 0)
         return f"{settings.name}, {lobes} lobe{'' if lobes == 1 else 's'}" if lobes else settings.name
-    # The table of costs has what the other fits came out with.
-    first, *others = sizes
-    return f"{settings.name}, {first}" + (f" and {counted(len(others), 'other')}" if others else "")
+    if len(sizes) == 1:
+        return f"{settings.name}, {next(iter(sizes))}"
+    # The table of costs has what each fit came out with.
+    most = max(row.factorization.nbytes for row in several.rows)
+    return f"{settings.name}, up to {most:,} bytes"

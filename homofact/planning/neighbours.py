@@ -15,8 +15,8 @@ from homofact.planning.material_fits import rungs_for
 from homofact.planning.plan import MaterialPlan, ScenePlan
 from homofact.planning.search import LadderOutcome, expected_errors
 
-# An error that was only expected is named where it falls at least to this part of the choice's, for at most so many
-# times its bytes.
+# A larger representation is a step where its error falls at least to this part of the choice's. One that was only
+# expected to is named for at most so many times the bytes.
 CLEARLY, NEAR = 0.9, 16
 # How many larger representations are fitted for a material, at most, to find one that errs less.
 TRIES = 2
@@ -59,18 +59,27 @@ def smaller(plan: MaterialPlan) -> Neighbour | None:
 
 
 def larger(plan: MaterialPlan) -> Neighbour | None:
-    """The cheapest representation of more bytes that errs less, measured or expected; None where there is none."""
+    """The cheapest representation of more bytes that errs clearly less, measured or expected; None where none does."""
     chosen = plan.outcome
     if chosen is None or chosen.error == 0:
         return None
-    asked, channels = plan.walk.asked, len(plan.fits.source.samples.channels)
+    asked = plan.walk.asked
     above = [
         Neighbour(rung, answer.bytes, answer.error, True, answer.trusted)
         for rung, answer in asked.items()
-        if answer.bytes > chosen.bytes and answer.error < chosen.error and _allowed(plan, answer)
+        if answer.bytes > chosen.bytes and answer.error <= CLEARLY * chosen.error and _allowed(plan, answer)
     ]
     if above and plan.walk.stepped:
         return min(above, key=lambda one: (one.bytes, one.error))
+    above += [one for one in _expected_above(plan) if one.error <= CLEARLY * chosen.error]
+    return min(above, key=lambda one: (one.bytes, one.error), default=None)
+
+
+def _expected_above(plan: MaterialPlan) -> list[Neighbour]:
+    """The representations of at most `NEAR` times the bytes that were not measured, with their expected errors."""
+    chosen, asked = plan.outcome, plan.walk.asked
+    assert chosen is not None
+    channels = len(plan.fits.source.samples.channels)
     pool = [
         rung
         for rung in rungs_for(plan.fits, plan.tolerance)
@@ -78,13 +87,8 @@ def larger(plan: MaterialPlan) -> Neighbour | None:
         and chosen.bytes < rung.most_bytes(channels) <= NEAR * chosen.bytes
         and _may_be_allowed(plan, rung)
     ]
-    if pool:
-        above += [
-            Neighbour(rung, rung.most_bytes(channels), error, False)
-            for rung, error in zip(pool, expected_errors(pool, asked), strict=True)
-            if error <= CLEARLY * chosen.error
-        ]
-    return min(above, key=lambda one: (one.bytes, one.error), default=None)
+    errors = expected_errors(pool, asked) if pool else []
+    return [Neighbour(rung, rung.most_bytes(channels), error, False) for rung, error in zip(pool, errors, strict=True)]
 
 
 def best_larger(plan: MaterialPlan) -> Neighbour | None:
@@ -139,19 +143,25 @@ def sufficient(plan: MaterialPlan) -> Neighbour | None:
 
 
 def measure_larger(plan: MaterialPlan) -> None:
-    """Fit and measure the larger step where it is only expected; the next one where it does not err less.
+    """Fit and measure the larger step where it is only expected; the next one where it does not err clearly less.
 
-    The walk of the plan gets the outcomes, and the cheapest measured rung that errs less is the step from then on.
-    Where `TRIES` fits find none, the step stays an expected one.
+    First comes the representation of the next bytes that is expected to err less at all: the belief in one that errs
+    clearly less may rest on few fits. The walk of the plan gets the outcomes, and the cheapest measured rung that errs
+    clearly less is the step from then on. Where `TRIES` more fits find none, the step stays an expected one.
     """
     chosen = plan.outcome
+    if plan.walk.stepped:
+        return
+    if chosen is not None and chosen.error > 0:
+        less = [one for one in _expected_above(plan) if one.error < chosen.error]
+        if less:
+            nearest = min(less, key=lambda one: (one.bytes, one.error)).candidate
+            plan.walk.asked[nearest] = plan.ask(nearest)
     for _ in range(TRIES):
         step = larger(plan)
         if chosen is None or step is None or step.measured:
             break
-        plan.walk.asked[step.candidate] = outcome = plan.ask(step.candidate)
-        if outcome.error < chosen.error:
-            break
+        plan.walk.asked[step.candidate] = plan.ask(step.candidate)
     plan.walk.stepped = True
 
 

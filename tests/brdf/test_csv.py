@@ -286,3 +286,30 @@ def test_an_azimuth_of_another_name_may_be_the_difference(tmp_path: Path) -> Non
     path.write_text("theta_i,theta_o,phi_d,Y\n0.1,0.2,0.3,1\n", encoding="utf-8")
     with refused("dphi"):
         csv.read(path)
+
+
+@pytest.mark.parametrize("header", ["theta_i,phi_i,theta_o,phi_o,Y", "thetaIn,phiIn,thetaOut,phiOut,Y"])
+def test_angles_without_a_unit_are_degrees_where_most_cannot_be_radians(tmp_path: Path, header: str) -> None:
+    rows = "5,0,0,0,1\n20,0,40,90,2\n60,0,60,180,3\n"
+    plain, stated = tmp_path / "plain.csv", tmp_path / "stated.csv"
+    plain.write_text(f"{header}\n{rows}")
+    stated.write_text(f"theta_i_deg,phi_i_deg,theta_o_deg,phi_o_deg,Y\n{rows}")
+    found, expected = csv.read(plain), csv.read(stated)
+    assert found.wi.equal(expected.wi)
+    assert found.wo.equal(expected.wo)
+    assert found.values.equal(expected.values)
+    assert any("degrees" in line for line in found.provenance["comments"])
+    assert not any("degrees" in line for line in expected.provenance["comments"])
+
+
+def test_a_difference_of_azimuths_without_a_unit_is_in_degrees_too(tmp_path: Path) -> None:
+    plain = tmp_path / "plain.csv"
+    plain.write_text("theta_i,theta_o,dphi,Y\n5,0,0,1\n20,40,90,2\n60,60,180,3\n")
+    assert csv.read(plain).wo[2, 0] == pytest.approx(-(3**0.5) / 2)
+
+
+def test_named_radians_are_never_degrees(tmp_path: Path) -> None:
+    named = tmp_path / "named.csv"
+    named.write_text("theta_i_rad,phi_i_rad,theta_o_rad,phi_o_rad,Y\n5,0,10,0,1\n20,0,40,90,2\n")
+    with refused(where="named.csv: line 2"):
+        csv.read(named)

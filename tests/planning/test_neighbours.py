@@ -76,7 +76,7 @@ def test_what_has_no_choice_or_no_error_has_no_step() -> None:
 
 @pytest.mark.parametrize("error", [0.3, 0.9])
 def test_a_step_up_that_is_only_expected_is_fitted(error: float, monkeypatch: pytest.MonkeyPatch) -> None:
-    """One that errs less ends it; after TRIES that do not, none is named as measured."""
+    """One that errs clearly less ends it; after TRIES more that do not, none is named as measured."""
     asked: list[Candidate] = []
 
     def ask(plan: MaterialPlan, rung: Candidate) -> LadderOutcome:
@@ -93,13 +93,16 @@ def test_a_step_up_that_is_only_expected_is_fitted(error: float, monkeypatch: py
     assert expected is not None
     if error == 0.3:
         assert found is not None
-        assert (found.candidate, found.measured, found.error) == (expected.candidate, True, 0.3)
-        assert asked == [found.candidate]
+        assert (found.measured, found.error) == (True, 0.3)
+        assert found.bytes <= expected.bytes
+        assert found.candidate in asked
+        count = len(asked)
+        assert count <= TRIES
         measure_larger(plan)
-        assert len(asked) == 1
+        assert len(asked) == count
     else:
         assert found is None or not found.measured
-        assert len(set(asked)) == TRIES
+        assert len(set(asked)) == TRIES + 1
 
 
 def test_what_more_bytes_buy_is_told_where_nothing_larger_errs_less() -> None:
@@ -120,7 +123,7 @@ def test_what_more_bytes_buy_is_told_where_nothing_larger_errs_less() -> None:
 
 def test_what_meets_a_missed_tolerance_beyond_the_budget_is_named() -> None:
     dearer, dearest = Candidate("search", 1, 32, "png8"), Candidate("search", 2, 32, "png8")
-    missed = plan_of({SMALL: 1.5, CHOSEN: 1.2, LARGE: 1.1, dearer: 1.0, dearest: 0.4})
+    missed = plan_of({SMALL: 1.5, CHOSEN: 1.2, LARGE: 1.05, dearer: 1.0, dearest: 0.4})
     missed.walk.met, missed.walk.stepped = False, True
     found = sufficient(missed)
     assert found is not None
@@ -147,7 +150,7 @@ def test_the_table_of_steps_names_it_in_figures(monkeypatch: pytest.MonkeyPatch)
         return [str(cell) for column in table.columns for cell in list(column.cells)[-1:]][1:]
 
     assert lines({SMALL: 1.5, CHOSEN: 0.7, LARGE: 0.8}) == [
-        "larger", "those that were tried err no less; best of them: 1 texture of 16², 8 bits (search)", "768", "80%",
+        "larger", "those tried err hardly less; best of them: 1 texture of 16², 8 bits (search)", "768", "80%",
     ]  # fmt: skip
     _, words, size, error = lines({SMALL: 1.5, CHOSEN: 0.7})
     assert words.startswith("not tried, expected to ")

@@ -9,7 +9,8 @@ default `noise_free` is false, and samples lit from a single azimuth are isotrop
 header names the columns, in any order: both directions as theta_i, phi_i, theta_o, phi_o in radians (or with _rad), the
 same with _deg in degrees, or wi_x … wo_z; `weight` if there is one; every other column is a channel of f in sr⁻¹
 without the cosine, "550nm" being a wavelength. Quotes and capitals in the names of directions do not matter. φ is
-absolute: the mirror direction of φi = 0 is φo = π. One column dphi, φo − φi, may replace both azimuths. Names of other
+absolute: the mirror direction of φi = 0 is φo = π. If names have no unit and most θ are above π/2, all angles are taken
+as degrees, which the provenance notes too. One column dphi, φo − φi, may replace both azimuths. Names of other
 programs are read too: theta_in, thetaIn, phi_out, theta_r, delta_phi.
 
 `write` writes all digits of each number and directions as vectors, so that samples are read back bit-identical. It adds
@@ -58,6 +59,7 @@ _MOST_COLUMNS = 4096
 _SLACK = 1e-6
 _LENGTH_TOLERANCE = 1e-3
 _ASSUMED = "taken as isotropic, because all light has one azimuth; to change this, write a line # isotropic: false"
+_ASSUMED_DEGREES = "angles taken as degrees, because most θ are above π/2; to state the unit, end their names in _deg"
 
 # Which rows of a column are wrong (N,), and what is said of one.
 _Fault = tuple[Tensor, Callable[[int], BadInput]]
@@ -95,6 +97,10 @@ def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
     numbers, places = number_table(path, rows, len(names), "as the header names", ",", names)
     check_last_line(path, raw, lines[-1][0])
     table = {name: torch.from_numpy(numbers[:, k].copy()) for k, name in enumerate(names)}
+    if form in (ANGLES, DIFFERENCE) and float(torch.cat((table["theta_i"], table["theta_o"])).median()) > math.pi / 2:
+        comments.append(_ASSUMED_DEGREES)
+        table |= {f"{name}_deg": table[name] for name in form}
+        form = tuple(f"{name}_deg" for name in form)
     _check(path, places, table, form)
     wi, wo = (_directions(table, form, which) for which in "io")
     isotropic = facts["isotropic"]
@@ -193,7 +199,7 @@ def _faults(table: dict[str, Tensor], form: tuple[str, ...]) -> Iterator[_Fault]
         for name in form:
             yield _angle_fault(name, table[name], form)
     for name, column in table.items():
-        if name not in form:
+        if name not in form and name not in _OWN - {"weight"}:
             yield (
                 column < 0,
                 lambda row, name=name, column=column: BadInput(f"{name} is {float(column[row]):g}", expected=">= 0"),

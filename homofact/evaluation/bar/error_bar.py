@@ -238,10 +238,10 @@ class ErrorBars:
             return albedo.words()
         error = max(bar.error or 0.0 for bar in relied_on)
         angles, others = (_angles(some, self.by_angle) for some in (relied_on, extrapolated))
-        # Where the extrapolated angles make the limits wide, nothing else in the sentence would show it.
-        worst = max((bar.error or 0.0 for bar in extrapolated), default=0.0)
-        there = f", there within {percent(worst)}" if worst > GOOD[albedo.quantity] else ""
-        return f"{WORDS[albedo.quantity]} within {percent(error)} ({angles}; {others} extrapolated{there})"
+        found = f"{WORDS[albedo.quantity]} within {percent(error)} at {angles}"
+        if any(bar.error is None for bar in extrapolated):
+            return f"{found} (unknown at {others}, extrapolated)"
+        return f"{found} (at {others}, extrapolated, within {percent(max(bar.error or 0.0 for bar in extrapolated))})"
 
     def by_angle_sentence(self) -> str:
         """Return at which angles of incidence the fit is good and at which bad, in a sentence.

@@ -158,7 +158,11 @@ def _surface_of(samples: Samples, drawn: Samples, whole: "_Known", transform: Lo
 
 
 def _lit(reflectance: Reflectance) -> SphereImage:
-    return render_sphere(reflectance, DEFAULT_LIGHT, _PIXELS, to_rgb=display_of(reflectance.channels))
+    """A small picture under a lamp; of channels that are no colours, their mean."""
+    count, to_rgb = len(reflectance.channels), display_of(reflectance.channels)
+    if to_rgb is None and count not in (1, 3):
+        to_rgb = torch.full((3, count), 1 / count, dtype=torch.float64)
+    return render_sphere(reflectance, DEFAULT_LIGHT, _PIXELS, to_rgb=to_rgb)
 
 
 def _known(place: np.ndarray, logs: Tensor, missed: Tensor, chosen: Tensor) -> _Known:

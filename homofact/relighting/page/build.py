@@ -92,7 +92,7 @@ class PageReference:
 
     colours: Sequence[np.ndarray]
     sky: int = 0
-    words: str = "sum over all texels of the cube map with the exact BRDF"
+    words: str = "sum over all texels of the cube map with the fit itself"
 
 
 def page_objects(objects: Sequence[RelitObject]) -> list[PageObject]:
