@@ -143,7 +143,7 @@ def doubt_lines(verdicts: "Mapping[str, Verdict | None]", missed: Collection[str
     lines = []
     for group, begin, beside in (
         (met, "Before you ship, read", "that the tolerance does not cover"),
-        (closest, "The tolerance is missed. Read also", "beside the missed limits"),
+        (closest, "What was found is only the closest. Read also", "that the plan does not count"),
     ):
         if group:
             many = len(group) > 1

@@ -107,8 +107,8 @@ def _no_better(best: "Neighbour | None", error: float) -> tuple[str, str, str]:
     """
     if best is None:
         return "no larger candidate", "–", "–"
-    gains = "gain little" if best.error < error else "err no less"
-    why = "those tried err hardly less; best of them" if best.measured else f"not tried, expected to {gains}; best"
+    gains = ("gain little", "err hardly less") if best.error < error else ("err no less", "err no less")
+    why = f"those tried {gains[1]}; best of them" if best.measured else f"not tried, expected to {gains[0]}; best"
     return f"{why}: {best.candidate.words}", str(best.bytes), _used(best)
 
 

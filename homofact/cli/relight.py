@@ -75,7 +75,7 @@ _BESIDE = 4  # objects of a table of errors
 _ERRORS = (
     "Relative RMS error of the light towards the first camera (picture: total error at pixels; together: total error at"
     " vertices; rim: total error at vertices seen at cosθ below 0.2; other rows: the error of one stage alone). The"
-    " reference is lit with the same fits, so their own errors are not included: factorize measures them"
+    " reference is lit with the same fits, so their own errors are not included: their verdicts state them"
 )
 
 

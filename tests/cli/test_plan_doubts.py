@@ -26,7 +26,7 @@ def test_a_choice_that_misses_the_tolerance_is_not_called_ready_to_ship() -> Non
         {"paint": verdict(False), "gold": verdict(False), "lead": verdict(True)}, ["gold", "lead"]
     )
     assert met.startswith("Before you ship, read the verdict on paint below")
-    assert closest.startswith("The tolerance is missed. Read also the verdict on gold below")
+    assert closest.startswith("What was found is only the closest. Read also the verdict on gold below")
     assert "ship" not in closest
     (only,) = doubt_lines({"gold": verdict(False)}, ["gold"])
     assert only == closest

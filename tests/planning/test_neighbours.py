@@ -150,7 +150,7 @@ def test_the_table_of_steps_names_it_in_figures(monkeypatch: pytest.MonkeyPatch)
         return [str(cell) for column in table.columns for cell in list(column.cells)[-1:]][1:]
 
     assert lines({SMALL: 1.5, CHOSEN: 0.7, LARGE: 0.8}) == [
-        "larger", "those tried err hardly less; best of them: 1 texture of 16², 8 bits (search)", "768", "80%",
+        "larger", "those tried err no less; best of them: 1 texture of 16², 8 bits (search)", "768", "80%",
     ]  # fmt: skip
     _, words, size, error = lines({SMALL: 1.5, CHOSEN: 0.7})
     assert words.startswith("not tried, expected to ")

@@ -239,9 +239,9 @@ class ErrorBars:
         error = max(bar.error or 0.0 for bar in relied_on)
         angles, others = (_angles(some, self.by_angle) for some in (relied_on, extrapolated))
         found = f"{WORDS[albedo.quantity]} within {percent(error)} at {angles}"
-        if any(bar.error is None for bar in extrapolated):
-            return f"{found} (unknown at {others}, extrapolated)"
-        return f"{found} (at {others}, extrapolated, within {percent(max(bar.error or 0.0 for bar in extrapolated))})"
+        errors = [bar.error or 0.0 for bar in extrapolated]
+        ends = dict.fromkeys(percent(error) for error in (min(errors), max(errors)))
+        return f"{found} (extrapolated at {others}: within {' to '.join(ends)})"
 
     def by_angle_sentence(self) -> str:
         """Return at which angles of incidence the fit is good and at which bad, in a sentence.
@@ -274,7 +274,7 @@ class ErrorBars:
         --------
         >>> bar = ErrorBar("albedo", BarKind.RIGHT, 0.06, 0.9, (75.0, 75.0), unmeasured=0.22)
         >>> ErrorBars((), (bar,)).extrapolated_sentence().partition(": ")[2]
-        'do not rely on the limit of total reflected light there (6%)'
+        'the limit of total reflected light there (6%) rests on extrapolation'
         """
         found = [bar for bar in self.by_angle if bar.rests_on_extrapolation]
         if not found:
@@ -282,10 +282,10 @@ class ErrorBars:
         angles = listed([f"{bar.degrees[0]:.0f}°" for bar in found])
         shares = listed([f"{bar.unmeasured:.0%}" for bar in found])
         limits = listed([percent(bar.error) for bar in found if bar.error is not None])
-        limit = "limit" if len(found) == 1 else "limits"
+        limit, rest = ("limit", "rests") if len(found) == 1 else ("limits", "rest")
         return (
-            f"at {angles} incidence {shares} of the light leaves in directions without measurements: do not rely on the"
-            f" {limit} of total reflected light there ({limits})"
+            f"at {angles} incidence {shares} of the light leaves in directions without measurements: the {limit} of"
+            f" total reflected light there ({limits}) {rest} on extrapolation"
         )
 
     def record(self) -> dict[str, Any]:
