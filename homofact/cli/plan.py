@@ -72,7 +72,9 @@ def plan(
     rendered views and with a margin for other views. If the byte budget is
     too small, it distributes the bytes so that the picture has the smallest
     error. For a relighting scene, it chooses the transport settings of each
-    object. The documentation explains both on the page "Plan a scene".
+    object. A measured file is taken as it is: undo a tilt first, with
+    homofact convert --calibrate tilt. The documentation explains all this on
+    the page "Plan a scene".
     """
     from homofact.api.planning import PlanRefused, PlanResult, TransportPlan, plan
 
