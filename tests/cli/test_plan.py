@@ -177,7 +177,7 @@ def test_odd_data_are_named_beside_the_choice(tmp_path: Path, capsys: pytest.Cap
     streams = capsys.readouterr()
     assert f"homofact export {out / '1-odd'} --out FOLDER" in streams.err
     shown = " ".join(streams.out.split())
-    assert re.search("warning: [0-9]+% likely to be bad .findings: quantised", shown)
+    assert re.search("warning: [0-9]+% likely to be bad .findings: [^)]*quantised", shown)
     record = json.loads((out / "plan.json").read_text())["materials"][0]
     assert record["met"]
     assert "scatter" in [each["name"] for each in record["verdict"]["findings"]]
