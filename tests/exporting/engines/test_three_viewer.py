@@ -10,7 +10,7 @@ from urllib.parse import quote
 import numpy as np
 import pytest
 import torch
-from browser import browser, headless
+from browser import browser, complaints, headless
 from engine_cases import combed, engine_folder, fit_no_looks, isotropic, light_of, npm_package, served
 
 from homofact.exporting.engines.three import KERNELS
@@ -259,6 +259,8 @@ def test_a_wrong_file_gives_one_line_on_the_page(page: Page, query: str, name: s
     assert name in said
     assert said.count(". Expected ") == 1
     assert "\n" not in said
+    # The browser is shared, and other pages must stay silent.
+    complaints(page.driver)
 
 
 @pytest.mark.slow
