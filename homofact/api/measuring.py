@@ -1,6 +1,5 @@
 """Measuring: which directions a goniometer should measure next, and what the samples so far tell."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -206,8 +205,10 @@ def _highest(known: "Samples | None") -> float | None:
     """The largest θ of samples in degrees, of light or view; None of no samples."""
     if known is None:
         return None
-    lowest = min(float(known.wi[:, 2].min()), float(known.wo[:, 2].min()))
-    return math.degrees(math.acos(min(max(lowest, -1.0), 1.0)))
+
+    from homofact.geometry.directions import to_spherical
+
+    return max(float(to_spherical(w)[0].max().rad2deg()) for w in (known.wi, known.wo))
 
 
 def _gathered(samples: Any) -> "Samples | None":

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 GLOBAL_LIMIT = 2000
 # Of the model whose difference from isotropic samples is interpolated: the fewest samples that it is fitted to, and the
 # most channels with colours of their own in it; of more it is the mean.
-_LEAST_SAMPLES, _MOST_COLOURS = 100, 4
+LEAST_SAMPLES, _MOST_COLOURS = 100, 4
 _MOST_BRIGHTER = 100.0
 # Its F0 at least, that of water: of samples that stop short of grazing angles, less could mean any growth there.
 _LEAST_REFLECTANCE = 0.02
@@ -154,7 +154,7 @@ class Scattered:
     @cached_property
     def _model(self) -> GgxBrdf | None:
         """The model in units of A, of one channel if there are too many; None without lobes, and of few samples."""
-        if not self.lobes or not self.samples.isotropic or len(self.samples) < _LEAST_SAMPLES:
+        if not self.lobes or not self.samples.isotropic or len(self.samples) < LEAST_SAMPLES:
             return None
         values = self.samples.values.cpu().double() / torch.as_tensor(self._transform.mean)
         names = self.channels

@@ -19,10 +19,10 @@ from homofact.brdf.materials import material
 from homofact.brdf.quality.extrapolation import Extrapolation
 from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
-from homofact.brdf.scattered import surface_of
+from homofact.brdf.scattered import LEAST_SAMPLES, surface_of
 from homofact.evaluation.bar.error_bar import GOOD, MOST, BarKind, ErrorBar, ErrorBars, percent
 from homofact.evaluation.bar.features import FEATURES, OF_QUANTITY, features_of
-from homofact.evaluation.bar.reading import LEAST_SAMPLES, reading_of
+from homofact.evaluation.bar.reading import reading_of
 from homofact.evaluation.bar.table import QUANTITIES, RATE, table
 from homofact.evaluation.energy import ALBEDO_DEGREES
 from homofact.evaluation.verdict.figures import Figures

@@ -99,7 +99,7 @@ def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
     table = {name: torch.from_numpy(numbers[:, k].copy()) for k, name in enumerate(names)}
     if form in (ANGLES, DIFFERENCE) and float(torch.cat((table["theta_i"], table["theta_o"])).median()) > math.pi / 2:
         comments.append(_ASSUMED_DEGREES)
-        table |= {f"{name}_deg": table[name] for name in form}
+        table = {f"{name}_deg" if name in form else name: column for name, column in table.items()}
         form = tuple(f"{name}_deg" for name in form)
     _check(path, places, table, form)
     wi, wo = (_directions(table, form, which) for which in "io")
@@ -199,7 +199,7 @@ def _faults(table: dict[str, Tensor], form: tuple[str, ...]) -> Iterator[_Fault]
         for name in form:
             yield _angle_fault(name, table[name], form)
     for name, column in table.items():
-        if name not in form and name not in _OWN - {"weight"}:
+        if name not in form:
             yield (
                 column < 0,
                 lambda row, name=name, column=column: BadInput(f"{name} is {float(column[row]):g}", expected=">= 0"),

@@ -13,8 +13,8 @@ The fit's light is then integrated beside theirs at the angles of `energy.ALBEDO
 
 The other is the surface of `brdf.scattered`, which follows a GGX model of isotropic samples between and beyond them. It
 is much nearer to a material than the mean of its neighbours, so beside it the fit's light is also compared node by
-node, and in a small picture under a lamp. Of anisotropic samples, and of fewer than `LEAST_SAMPLES`, the plain
-interpolation takes its place.
+node, and in a small picture under a lamp. Of anisotropic samples, and of fewer than `scattered.LEAST_SAMPLES`, the
+plain interpolation takes its place.
 """
 
 import math
@@ -31,7 +31,7 @@ from homofact.brdf.places import half_places
 from homofact.brdf.quality.extrapolation import Extrapolation
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
-from homofact.brdf.scattered import surface_of
+from homofact.brdf.scattered import LEAST_SAMPLES, surface_of
 from homofact.evaluation.appearance import picture_off
 from homofact.evaluation.energy import ALBEDO_DEGREES, HIGHLIGHT
 from homofact.evaluation.verdict.flux import flux_of
@@ -49,7 +49,6 @@ MOST_SAMPLES = 12_000
 _EPSILON = 0.01
 _RINGS, _SPOKES = 24, 20
 _TINY = 1e-300
-LEAST_SAMPLES = 100  # of a surface: fewer have no model (`brdf.scattered`)
 _PIXELS = 48
 _MOST_APART = 1.0  # times the light of an angle: a fit that diverges at one does not hide the others
 

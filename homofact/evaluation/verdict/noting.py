@@ -12,6 +12,7 @@ from homofact.brdf.quality.suspicion.check import Suspicion
 from homofact.brdf.samples import Samples
 from homofact.errors import Advice, Status
 from homofact.evaluation.artefacts.look import Look
+from homofact.evaluation.bar.features import RANGE_MARGIN
 from homofact.evaluation.verdict.figures import Figures
 from homofact.evaluation.verdict.finding import About, Finding
 from homofact.factor.fitted import Fitted
@@ -187,7 +188,7 @@ def _too_bright(noted: Noted) -> float | None:
 
 def _beyond(noted: Noted) -> bool:
     """Whether the largest albedo is at an angle that was not measured."""
-    return noted.figures.light.albedo_at > noted.figures.coverage.highest
+    return noted.figures.light.albedo_at > noted.figures.coverage.highest + RANGE_MARGIN
 
 
 def _gap(noted: Noted) -> float | None:
@@ -243,7 +244,7 @@ _NOTES = (
     _Note("energy", _F, lambda n: _too_bright(n) if _beyond(n) else None, LARGEST_ALBEDO,
           "the fit's directional albedo is {value:.3g} at θi = {noted.figures.light.albedo_at:g}°, beyond the measured"
           " {noted.figures.coverage.highest:.0f}°, expected at most {most:g}",
-          "measure larger angles, or clamp the fit there", feature="energy"),
+          "measure larger angles, or do not rely on the fit there", feature="energy"),
     _Note("energy", _F, lambda n: None if _beyond(n) else _too_bright(n), LARGEST_ALBEDO,
           "the fit's directional albedo is {value:.3g} at θi = {noted.figures.light.albedo_at:g}°, expected at most"
           " {most:g}", "check the measurement's units and its grazing angles (homofact info)", feature="energy"),
