@@ -191,6 +191,21 @@ def _reading_lines(found: "ScenePlan") -> list[str]:
     return [f"of limit: the part of your tolerance that the worst error uses{margin}; up to 100% it is met.{expected}"]
 
 
+def _one_size_lines(found: "ScenePlan") -> list[str]:
+    """Return what one representation for all of several materials would take."""
+    if len(found.distinct) == 1:
+        return []
+    one = found.one_size
+    if one is None:
+        trusted = " and is trusted" * any(each.tolerance.trusted for each in found.distinct)
+        return [f"One size for all: no single representation was found that meets the tolerance{trusted} everywhere."]
+    return [
+        f"One size for all: {one.candidate.words} for every material takes {one.bytes} bytes and"
+        f" {fetches_in_words(one.fetches)} per pixel. The plan takes {found.bytes} bytes"
+        f" ({_less(found.bytes, one.bytes)}) and {fetches_in_words(found.fetches)}."
+    ]
+
+
 def grade_lines(opinions: "Sequence[tuple[str, Opinion | None]]") -> list[str]:
     """Return the grade that people would give each choice, in a line, and which choices have none, in another."""
     graded = [(name, each) for name, each in opinions if each is not None]
@@ -211,12 +226,33 @@ def grade_lines(opinions: "Sequence[tuple[str, Opinion | None]]") -> list[str]:
     return lines
 
 
+def _reference_lines(found: "ScenePlan") -> list[str]:
+    """For which materials the reference follows a GGX model beyond the samples, and what this hides."""
+    from homofact.brdf.scattered import Scattered
+
+    modelled = []
+    for each in found.distinct:
+        reflectance = each.fits.source.reflectance
+        if each.tolerance.of_light and isinstance(reflectance, Scattered) and reflectance.follows_model:
+            modelled.append(each)
+    if not modelled:
+        return []
+    line = (
+        f"{listed([each.name for each in modelled])}: light is compared with an interpolation of the samples. Beyond"
+        " the measured angles it follows a GGX model, which favours GGX choices there."
+    )
+    if not all("cole" in each.tolerance.kinds for each in modelled):
+        line += " To judge choices at the samples too, add a limit on cole."
+    return [line]
+
+
 def _lines(found: "ScenePlan", other: "ScenePlan | None") -> list[str]:
     lines = [
         "order: spherical-harmonic order at which the lobe can be cut off under this lighting; terms: number of terms"
         " of an in-out SVD for that order."
     ]
     lines += [f"{each.name} {each.describe_spectrum()}." for each in found.scene.lightings]
+    lines += _reference_lines(found)
     for each in found.distinct:
         if each.highlight_pixels is not None:
             lines.append(
@@ -236,15 +272,7 @@ def _lines(found: "ScenePlan", other: "ScenePlan | None") -> list[str]:
             " the budget. The plan distributes these so that the materials' errors, each in parts of its limit and"
             f" weighted by its share of the picture, have the least sum: {part_of_limit(found.error)}."
         )
-    one = found.one_size
-    if one is None:
-        lines.append("One size for all: no single representation was found that meets the tolerance everywhere.")
-    else:
-        lines.append(
-            f"One size for all: {one.candidate.words} for every material takes {one.bytes} bytes and"
-            f" {fetches_in_words(one.fetches)} per pixel. The plan takes {found.bytes} bytes"
-            f" ({_less(found.bytes, one.bytes)}) and {fetches_in_words(found.fetches)}."
-        )
+    lines += _one_size_lines(found)
     lines.append(
         f"Fits made: {found.planning_fits} to choose, and {found.fits - found.planning_fits} more for the larger steps"
         f" and one size for all; every candidate would take {found.exhaustive_fits}."

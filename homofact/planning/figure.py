@@ -26,7 +26,7 @@ from homofact.files.atomic import replace_file
 from homofact.planning.ladder import ONE_COLOUR, WHOLE, Candidate
 from homofact.planning.neighbours import larger, smaller
 from homofact.planning.plan import MaterialPlan, ScenePlan
-from homofact.planning.search import UNTRUSTED
+from homofact.planning.search import UNTRUSTED, LadderOutcome
 from homofact.planning.tolerance import MARGINS, UNLIT, WORDS
 
 _MARKERS = {ONE_COLOUR: "o", "ggx": "D", "mccool": "s", "search": "h", "svd": "^"}
@@ -35,6 +35,8 @@ _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#
 _LIMIT = "#b03030"
 # A rung without error has a place on a logarithmic axis too.
 _LEAST = 1e-3
+# Candidates of more times the tolerance and the error of the best one are not drawn: they would hide all others.
+_MOST = 1e4
 # Errors whose logarithms differ by less lie on one spot of the panel.
 _SAME = 0.05
 _MARKER, _RING, _CROSS = 6.0, 14.0, 9.0  # across, in points
@@ -61,7 +63,9 @@ def plot_plan(path: str | os.PathLike[str], plan: ScenePlan) -> None:
             _asked(left, distinct, any(each.tolerance.trusted for each in distinct))
         _used(right, distinct, bars)
         where = ", ".join(lighting.name for lighting in plan.scene.lightings)
-        head = f"{plan.scene.name}: {plan.tolerance_words}, under {where}."
+        missed = sum(not each.walk.met for each in distinct)
+        miss = f"; missed for {missed} of {len(distinct)}" if missed else ""
+        head = f"{plan.scene.name}: {plan.tolerance_words}, under {where}{miss}."
         foot = f"{plan.bytes} bytes; {plan.fits} of {plan.exhaustive_fits} possible fits made"
         lines = wrap(f"{head} {foot}", _LETTERS_WIDE if compared else _LETTERS_NARROW)
         figure.suptitle(in_figure("\n".join(lines)), fontsize=10)
@@ -91,11 +95,11 @@ class _Spot(NamedTuple):
 
 
 def _spots(plan: MaterialPlan) -> list[_Spot]:
-    """Return the points (bytes, error over tolerance) of the evaluated candidates that have a finite error.
+    """Return the points (bytes, error over tolerance) of the evaluated candidates that are near enough to be drawn.
 
     The choice leads its spot.
     """
-    asked = {key: outcome for key, outcome in plan.walk.asked.items() if math.isfinite(outcome.error)}
+    asked = _near(plan)
     spots: list[_Spot] = []
     for candidate in sorted(asked, key=lambda key: key != plan.walk.choice):
         place = float(asked[candidate].bytes), max(asked[candidate].error, _LEAST)
@@ -107,6 +111,12 @@ def _spots(plan: MaterialPlan) -> list[_Spot]:
         else:
             spots.append(_Spot((candidate,), place, candidate == plan.walk.choice, own))
     return spots
+
+
+def _near(plan: MaterialPlan) -> dict[Candidate, LadderOutcome]:
+    """The evaluated candidates, without those whose errors are infinite or beyond `_MOST`."""
+    most = _MOST * max(1.0, min((outcome.error for outcome in plan.walk.asked.values()), default=1.0))
+    return {key: outcome for key, outcome in plan.walk.asked.items() if outcome.error <= most < math.inf}
 
 
 def _undercut(spots: Iterable[_Spot]) -> list[tuple[float, float]]:
@@ -149,7 +159,9 @@ def _asked(axes: Axes, distinct: tuple[MaterialPlan, ...], is_trusted: bool) -> 
     axes.set_xlabel("bytes of one material")
     trusted = f"\n(drawn at {UNTRUSTED:g} if within it, but not trusted)" if is_trusted else ""
     axes.set_ylabel(f"error over tolerance, margin included{trusted}")
-    axes.set_title("Candidates that were tried", fontsize=9.5)
+    far = sum(len(plan.walk.asked) - len(_near(plan)) for plan in distinct)
+    beyond = f" ({far} of them, with an error above {_MOST:,.0f}, left out)" if far else ""
+    axes.set_title(f"Candidates that were tried{beyond}", fontsize=9.5)
     axes.spines[["top", "right"]].set_visible(False)
     axes.legend(handles=_key(drawn, crossed), loc="upper right", fontsize=8, framealpha=0.9, ncols=3)
 

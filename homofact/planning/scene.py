@@ -2,10 +2,10 @@
 
 name = "showroom"                  # optional: of the scene. Default: the file's
 seed = 0
-[[material]]                       # one or more; shares add up to 1
+[[material]]                       # one or more
 source = "material:phong-30"       # or a file, relative to the scene's
 name = "case"                      # optional: in tables, pictures and folders. Default: the name of the source
-share = 0.6
+share = 0.6                        # optional: of the picture. Default: what the other materials leave, in equal parts
 pixels = 40                        # optional: how many the object is across, each of which averages what it covers
 tolerance = { delta_e = 0.5 }      # optional: of this material, instead of [tolerance]
 [lighting]                         # one, or [[lighting]] several times: the tolerance then holds under each; one key of
@@ -45,6 +45,7 @@ from homofact.settings.tables import read_table
 
 SHARE_SLACK = 1e-6
 LEAST_PIXELS, MOST_PIXELS = 2, 16384
+_THE_REST = "what the other materials leave, in equal parts"
 
 
 @dataclass(frozen=True)
@@ -52,7 +53,7 @@ class _MaterialKeys:
     """What a material has in the file and in memory alike."""
 
     source: str
-    share: float = required("Part of the picture", above=0, most=1)
+    share: float | None = option(None, f"Part of the picture. Default: {_THE_REST}", above=0, most=1)
     pixels: int | None = option(None, "How many the object is across", least=LEAST_PIXELS, most=MOST_PIXELS)
     name: str | None = option(None, "Its name in tables. Default: the name of the source", expected_instead=a_name)
 
@@ -65,6 +66,7 @@ class SceneMaterial(_MaterialKeys):
     tables, pictures and folders call it, None for the source's own name. `tolerance` is its own, None for the scene's.
     """
 
+    share: float = required("Part of the picture", above=0, most=1)
     tolerance: Tolerance | None = None
 
     @property
@@ -162,12 +164,12 @@ class _MaterialTable(_MaterialKeys):
 
     tolerance: _ToleranceTable | None = None
 
-    def material(self, folder: Path, place: str) -> SceneMaterial:
+    def material(self, folder: Path, place: str, share: float) -> SceneMaterial:
         """Return the material, a file looked for in `folder`; `place` names it in messages. Raises BadInput."""
         own = None if self.tolerance is None else self.tolerance.tolerance()
         source = found_source(self.source, folder, f"{place}.source")
         check_no_fit(Path(source), f"{place}.source", f"a measurement or {MATERIAL_PREFIX}NAME")
-        return SceneMaterial(source, self.share, self.pixels, self.name, own)
+        return SceneMaterial(source, share, self.pixels, self.name, own)
 
 
 @dataclass(frozen=True)
@@ -183,8 +185,13 @@ class PlanSceneTable:
 
     def __post_init__(self) -> None:
         """Refuse shares that do not add up to 1, names that do not tell two apart, and no lighting. Raises BadInput."""
-        total = math.fsum(material.share for material in self.material)
-        if abs(total - 1) > SHARE_SLACK:
+        given = [each.share for each in self.material if each.share is not None]
+        total = math.fsum(given)
+        if len(given) < len(self.material):
+            if total > 1 - SHARE_SLACK:
+                expected = "less than 1: a material without a share takes what the others leave"
+                raise BadInput(f"the shares add up to {total:.6g}", where="material", expected=expected)
+        elif abs(total - 1) > SHARE_SLACK:
             raise BadInput(f"the shares add up to {total:.6g}", where="material", expected="1")
         seen: dict[tuple[str, int | None, str | None], _ToleranceTable | None] = {}
         for place, each in enumerate(self.material):
@@ -197,6 +204,13 @@ class PlanSceneTable:
             raise BadInput(where=f"material[{without[0]}].tolerance", found="none", expected=expected)
         if self.lighting == ():
             raise BadInput(where="lighting", found="none", expected="at least one")
+
+    @property
+    def shares(self) -> list[float]:
+        """The materials' shares: those without one have equal parts of what the others leave."""
+        given = [each.share for each in self.material if each.share is not None]
+        rest = (1 - math.fsum(given)) / max(len(self.material) - len(given), 1)
+        return [rest if each.share is None else each.share for each in self.material]
 
 
 def read_scene(path: str | Path) -> Scene:
@@ -213,7 +227,10 @@ def read_scene(path: str | Path) -> Scene:
     try:
         return Scene(
             scene.name or file.stem,
-            tuple(each.material(file.parent, f"material[{place}]") for place, each in enumerate(scene.material)),
+            tuple(
+                each.material(file.parent, f"material[{place}]", share)
+                for place, (each, share) in enumerate(zip(scene.material, scene.shares, strict=True))
+            ),
             tuple(_lighting(table, file.parent) for table in tables),
             None if scene.tolerance is None else scene.tolerance.tolerance(),
             scene.budget,

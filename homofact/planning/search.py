@@ -148,7 +148,11 @@ def walk(
         if not pool:
             break
         chances, most = _chances(pool, state, tolerance), None
-        if 1 - math.prod(1 - chance for chance in chances) >= DOUBT:
+        # Their fits take the least time and bytes, and those of textures tell little about them.
+        models = [rung for rung in pool if rung.lobes]
+        if models:
+            question = models[0]
+        elif 1 - math.prod(1 - chance for chance in chances) >= DOUBT:
             question = _next(pool, chances, channels)
         elif best is None:
             part = NEAR_PART if near else BEST_PART

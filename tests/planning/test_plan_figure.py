@@ -1,5 +1,6 @@
 """The picture of a plan, drawn of made-up outcomes: no words in the axes of the bars, lines that only fall."""
 
+import math
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -95,7 +96,24 @@ def test_material_and_choice_stand_outside_the_axes_of_the_bars(drawn: Figure) -
 
 
 def test_the_title_counts_all_fits(drawn: Figure) -> None:
-    assert drawn.get_suptitle().endswith("384 bytes; 6 of 30 possible fits made")
+    title = drawn.get_suptitle().replace("\n", " ")
+    assert title.endswith("under studio; missed for 1 of 1. 384 bytes; 6 of 30 possible fits made")
+
+
+def test_candidates_that_err_ten_thousand_times_as_much_are_counted_and_not_drawn(
+    tmp_path: Path, made: list[Figure]
+) -> None:
+    plan = plan_of()
+    asked = plan.materials[0].walk.asked
+    far = {Candidate("mccool", 2, 32): 2.1e5, Candidate("mccool", 2, 64): math.inf, Candidate("svd", 5, 16): 1.9e5}
+    for rung, error in far.items():
+        asked[rung] = LadderOutcome(error, rung.most_bytes(3), 3, 2, "delta_e", error)
+    plot_plan(tmp_path / "p.png", plan)
+    left = made[0].axes[0]
+    # The best of all errs 20 times its limit.
+    assert left.get_title().endswith("(2 of them, with an error above 10,000, left out)")
+    assert 1.9e5 < left.get_ylim()[1] < 1e8
+    assert len(_spots(plan.materials[0])) == len(ERRORS) + 1
 
 
 def test_lines_join_what_nothing_smaller_undercuts(drawn: Figure) -> None:

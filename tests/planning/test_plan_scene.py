@@ -41,6 +41,15 @@ def test_a_trusted_verdict_is_asked_for_beside_limits(tmp_path: Path) -> None:
     assert read_scene(file).tolerance == Tolerance.of(reflected=0.1)
 
 
+def test_materials_without_a_share_have_equal_parts_of_what_the_others_leave(tmp_path: Path) -> None:
+    file = tmp_path / "shop.toml"
+    more = "".join(f'[[material]]\nsource = "material:phong-{n}"\n' for n in (10, 30))
+    file.write_text(SCENE.replace("share = 1\n", "share = 0.5\n" + more))
+    assert [each.share for each in read_scene(file).materials] == [0.5, 0.25, 0.25]
+    file.write_text(SCENE.replace("share = 1\n", ""))
+    assert [each.share for each in read_scene(file).materials] == [1]
+
+
 def test_a_material_may_have_a_tolerance_of_its_own(tmp_path: Path) -> None:
     file = tmp_path / "shop.toml"
     own = '[[material]]\nsource = "material:phong-30"\nname = "far"\nshare = 0.4\n'
@@ -104,6 +113,11 @@ def test_several_lightings_and_limits_and_a_distance(tmp_path: Path) -> None:
         ),
         ("share = 1", "share = 1\ntolerance = { cole = -1 }", r"material\[0\].tolerance.cole: found -1, expected a"),
         ("share = 1", "share = 0.7", "the shares add up to 0.7, expected 1"),
+        (
+            "share = 1",
+            'share = 1\n[[material]]\nsource = "material:phong-10"',
+            "the shares add up to 1, expected less than 1",
+        ),
         ("share = 1", "share = 0", r"material\[0\].share: found 0, expected a number above 0 and at most 1"),
         ("share = 1", 'share = "all"', "share: found the string 'all', expected a number"),
         ("material:phong-30", "material:phong-31", "material: found 'phong-31'"),
