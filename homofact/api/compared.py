@@ -52,7 +52,7 @@ class SourceComparison:
         }
 
     def split_by_split(self) -> "list[MethodPair]":
-        """Return the method of the lowest mean Cole error beside each other one, split by split; none for one split."""
+        """Return each pair of methods, split by split, that of the lower mean Cole error first; none for one split."""
         from homofact.evaluation.paired import split_by_split
 
         return split_by_split(self.rows)
@@ -136,7 +136,7 @@ class CompareResult:
 
     @property
     def pairs_in_words(self) -> list[str]:
-        """The comparison of the best method with each other one, split by split, in lines; none of one split."""
+        """The comparison of each pair of methods, split by split, in lines; none of one split."""
         return [
             f"{source.source.name}: {pair.words}" if len(self.sources) > 1 else pair.words
             for source in self.sources

@@ -57,7 +57,7 @@ def compare(
         How many seeds to fit by, from `seed` on, or which ones; as text "3" or "0,1,2".
     splits : int, optional
         How many splits into training and held-out samples, drawn by the seeds from `seed` on. On several, the result
-        also says on how many of them the best method is better than each other one.
+        also tells for each pair of methods on how many of them one is better.
     seed : int, optional
         Of the split, of the samples of a model, and of methods that are given by name.
     metrics : sequence of str, optional

@@ -3,7 +3,9 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from homofact.cli.tables import chart_grades, chart_table
+from rich.text import Text
+
+from homofact.cli.tables import chart_endings, chart_grades, chart_table
 from homofact.errors import BadInput
 from homofact.methods.table import methods_with, parsed_label
 from homofact.sections import CHARTED
@@ -59,8 +61,9 @@ def draw_charts(
         for one in found.charts:
             title = f"{one.source}: held-out Cole error, ε = {one.rows[0].epsilon:g}"
             points = one.points()
-            records, wins = [point.record() for point in points], best_lower_on(points)
-            screen.show(chart_table(title, records, one.reference(), wins), *chart_grades(records))
+            records, losses = [point.record() for point in points], best_lower_on(points)
+            screen.show(chart_table(title, records, one.reference(), losses))
+            screen.show(*map(Text, chart_endings(records)), *chart_grades(records))
         screen.show(*map(str, found.files))
     screen.answer(found.record())
 

@@ -49,7 +49,7 @@ Splits = Annotated[
         "--splits",
         metavar="N",
         help="Repeat all fits with this many different sets of held-out samples. Prints means with their spread, and"
-        " on how many sets the best method beats each other one.",
+        " for each pair of methods on how many sets one beats the other.",
         rich_help_panel=FIT,
     ),
 ]

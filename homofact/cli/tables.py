@@ -58,11 +58,6 @@ def _most_repeats(records: Iterable[Mapping[str, Any]]) -> tuple[int, int]:
     return max(counts, key=math.prod, default=(1, 1))
 
 
-def _deviation(spread: Mapping[str, float | None]) -> str:
-    found = spread["standard_deviation"]
-    return "" if found is None else f"± {figure(found)}"
-
-
 def _under(spread: Mapping[str, float | None]) -> str:
     """The standard deviation for a line below its mean: two digits, so that six of them fit into 80 columns."""
     found = spread["standard_deviation"]
@@ -219,13 +214,16 @@ def metric_tables(values: Mapping[str, Mapping[str, float | None]]) -> list[Tabl
 
 
 def pair_table(pairs: "Sequence[MethodPair]") -> Table:
-    """Return the best method beside each other one: on how many splits its errors are lower, and their ratios."""
-    title = "against each other method, split by split (ratio: its held-out error over the other's, least to greatest)"
-    table = plain_table(f"{pairs[0].best} {title}")
+    """Return each method beside those of larger errors: on how many splits its errors are lower, and their ratios."""
+    table = plain_table(
+        "Methods split by split (lower: on how many splits the first has the lower held-out error; ratio: its error"
+        " over that of the other, least to greatest)"
+    )
+    add_names(table)
     add_names(table, "against")
     names = list(pairs[0].ratios)
     add_figures(table, *(word for name in names for word in (f"{name.replace('_', ' ')} lower", "ratio")))
-    for pair in pairs:
+    for pair, last in zip(pairs, (None, *pairs), strict=False):
         cells = []
         for name in names:
             spread = pair.spread(name)
@@ -233,7 +231,8 @@ def pair_table(pairs: "Sequence[MethodPair]") -> Table:
                 f"{pair.lower(name)} of {spread.count}",
                 f"{ratio_figure(spread.low)} to {ratio_figure(spread.high)}",
             ]
-        table.add_row(Text(pair.other), *cells)
+        again = last is not None and last.method == pair.method
+        table.add_row("" if again else Text(pair.method), Text(pair.other), *cells)
     return table
 
 
@@ -268,13 +267,12 @@ def mean_table(rows: "Sequence[MeanRow]") -> Table:
 
 
 def chart_table(
-    title: str, records: Sequence[Mapping[str, Any]], base: float | None, wins: Sequence[int | None]
+    title: str, records: Sequence[Mapping[str, Any]], base: float | None, losses: Sequence[int | None]
 ) -> Table:
-    """Return one line a point: its held-out Cole error, that as a share of `base` (McCool's), its cost, how it ended.
+    """Return one line a point: its held-out Cole error, that as a share of `base` (McCool's), and its cost.
 
-    `wins` are on how many splits the best point errs less than each, shown if there are several splits. How it ended is
-    left out where all are converged or direct. A record of several fits has its means and the standard
-    deviation of the error.
+    `losses` are on how many splits each point errs more than the best one, shown if there are several splits. A record
+    of several fits has its means and the standard deviation of the error.
     """
     from homofact.evaluation.chart_ledger import series_name
 
@@ -283,17 +281,12 @@ def chart_table(
     spread = any("spread" in record for record in records)
     over = (f"± {repeated_by(*_most_repeats(records))}",) if spread else ()
     several = _most_repeats(records)[1] > 1
-    over += ("best wins",) if several else ()
-    add_figures(table, *("textures", "error", *over, "of McCool", "bytes", "fetches", "fit s"))
-    # Where all ended as they should there is nothing to say, and the table fits a narrow terminal.
-    usual = {Status.CONVERGED.value, Status.DIRECT.value}
-    odd = any(not set(str(record["status"]).split(", ")) <= usual for record in records)
-    if odd:
-        table.add_column("ended", no_wrap=True)
-    for record, won in zip(records, wins, strict=True):
+    over += ("loses\nto best",) if several else ()
+    add_figures(table, *("textures", "error", *over, "of\nMcCool", "bytes", "fetches", "fit s"))
+    for record, lost in zip(records, losses, strict=True):
         held = record["error"]["held_out"]["log_mse"]
-        on_splits = "best" if won is None else f"{won} of {len(record.get('splits', [0]))}"
-        luck = _deviation(record["spread"]["error"]["held_out"]["log_mse"]) if "spread" in record else ""
+        on_splits = "best" if lost is None else f"{lost} of {len(record.get('splits', [0]))}"
+        luck = _under(record["spread"]["error"]["held_out"]["log_mse"]) if "spread" in record else ""
         table.add_row(
             Text(series_name(record["label"], record["search"])),
             f"{record['textures']} × {record['size']}²" if record["size"] else "–",
@@ -303,9 +296,22 @@ def chart_table(
             "–" if base is None else f"×{held / base:.2f}" if held >= 0.1 * base else f"×{held / base:.2g}",
             *(str(record[name]) for name in ("bytes", "fetches")),
             f"{record['seconds']['fit']:.3g}",
-            *((str(record["status"]),) if odd else ()),
         )
     return table
+
+
+def chart_endings(records: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return the points that ended otherwise than converged or direct, in a line; none where there is none."""
+    from homofact.evaluation.chart_ledger import series_name
+
+    usual = {Status.CONVERGED.value, Status.DIRECT.value}
+    odd = []
+    for record in records:
+        status = str(record["status"])
+        if not set(status.split(", ")) <= usual:
+            size = f" {record['textures']} × {record['size']}²" if record["size"] else ""
+            odd.append(f"{series_name(record['label'], record['search'])}{size}: {status}")
+    return [f"How fits ended that did not all converge: {'; '.join(odd)}."] if odd else []
 
 
 def facts_table(title: str, facts: Mapping[str, Any]) -> Table:

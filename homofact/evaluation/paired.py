@@ -10,6 +10,7 @@ estimated by a bootstrap over these samples, the errors of both fits at a sample
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -32,17 +33,17 @@ class MethodPair:
 
     Attributes
     ----------
-    best : label of the method whose errors are divided.
+    method : label of the method whose errors are divided.
     other : label of the method that they are divided by.
     ratios : of each error that is compared, its ratio on every split, in their order.
     """
 
-    best: str
+    method: str
     other: str
     ratios: dict[str, tuple[float, ...]]
 
     def lower(self, name: str) -> int:
-        """Return on how many splits the error called `name` is lower by `best`."""
+        """Return on how many splits the error called `name` is lower by `method`."""
         return sum(ratio < 1 for ratio in self.ratios[name])
 
     def spread(self, name: str) -> Spread:
@@ -51,7 +52,7 @@ class MethodPair:
 
     @property
     def words(self) -> str:
-        """The comparison in a line: on how many splits the best method errs less, and its ratios of the errors.
+        """The comparison in a line: on how many splits the method errs less, and its ratios of the errors.
 
         Examples
         --------
@@ -63,7 +64,7 @@ class MethodPair:
             f" that of {self.other}"
             for name, found in self.ratios.items()
         ]
-        return f"{self.best} against {self.other}: {'; '.join(parts)}"
+        return f"{self.method} against {self.other}: {'; '.join(parts)}"
 
     def record(self) -> dict[str, Any]:
         """Return the JSON form."""
@@ -71,7 +72,7 @@ class MethodPair:
             name: {"ratios": list(found), "lower_on": self.lower(name), "splits": len(found)}
             for name, found in self.ratios.items()
         }
-        return {"best": self.best, "other": self.other, "errors": ratios}
+        return {"method": self.method, "other": self.other, "errors": ratios}
 
 
 @dataclass(frozen=True)
@@ -117,22 +118,22 @@ def error_ratios(first: Fitted, second: Fitted, samples: Samples) -> dict[str, E
 
 
 def split_by_split(rows: Mapping[str, RepeatedRows]) -> list[MethodPair]:
-    """Return the method of the lowest mean Cole error beside each other one, on the splits that both were fitted on.
+    """Return each pair of methods on the splits that both were fitted on, that of the lower mean Cole error first.
 
-    Several seeds on a split count once, by their mean error. A method with another ε, whose Cole error is another
-    measure, is left out, and so are splits on which an error is 0. None where fewer than two splits are left.
+    Several seeds on a split count once, by their mean error. Methods with different ε, whose Cole errors are different
+    measures, make no pair. Left out are splits on which an error is 0. None where fewer than two splits are left.
     """
-    if len(rows) < 2:
-        return []
-    best = min(rows, key=lambda label: rows[label].held_out["log_mse"].mean)
+    labels = sorted(rows, key=lambda label: rows[label].held_out["log_mse"].mean)
     pairs = []
-    for other in (label for label in rows if label != best and _epsilon(rows[label]) == _epsilon(rows[best])):
-        common = [seed for seed in rows[best].splits if seed in rows[other].splits]
-        errors = [(rows[best].of_split(seed).held_out, rows[other].of_split(seed).held_out) for seed in common]
+    for method, other in combinations(labels, 2):
+        if _epsilon(rows[method]) != _epsilon(rows[other]):
+            continue
+        common = [seed for seed in rows[method].splits if seed in rows[other].splits]
+        errors = [(rows[method].of_split(seed).held_out, rows[other].of_split(seed).held_out) for seed in common]
         whole = [(own, against) for own, against in errors if all(against[name].mean > 0 for name in PAIRED)]
         if len(whole) > 1:
             ratios = {name: tuple(own[name].mean / against[name].mean for own, against in whole) for name in PAIRED}
-            pairs.append(MethodPair(best, other, ratios))
+            pairs.append(MethodPair(method, other, ratios))
     return pairs
 
 

@@ -59,7 +59,7 @@ class Search(Method):
     )  # fmt: skip
     bytes: int | None = option(
         None,
-        "Bytes of all textures as float32, instead of a size (8 bits take a third of them on the graphics card). The"
+        "Bytes of all textures as float32, instead of a size. The"
         " search then chooses up to three textures, or more if you allow more, with their rows and columns",
         above=0, none="given by the number of textures and their size", everyday=True,
     )  # fmt: skip

@@ -123,7 +123,7 @@ def test_splits_are_compared_one_by_one(capsys: pytest.CaptureFixture[str]) -> N
     }  # fmt: skip
     assert [[fit["split"]["seed"] for fit in row["rows"]] for row in answer["rows"]] == [[2, 3, 4]] * 2
     (pair,) = answer["split_by_split"]
-    ratios = [own / other for own, other in zip(errors[pair["best"]], errors[pair["other"]], strict=True)]
+    ratios = [own / other for own, other in zip(errors[pair["method"]], errors[pair["other"]], strict=True)]
     assert len(set(ratios)) == 3
     assert pair["errors"]["log_mse"]["ratios"] == pytest.approx(ratios)
     lower = sum(ratio < 1 for ratio in ratios)

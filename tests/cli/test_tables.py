@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from homofact.cli.tables import chart_grades, chart_table, cost_table
+from homofact.cli.tables import chart_endings, chart_grades, chart_table, cost_table
 from homofact.evaluation.chart_ledger import series_name
 
 
@@ -64,6 +64,17 @@ def test_a_chart_names_a_search_alike_in_table_series_and_grades() -> None:
     assert shown == [series_name("search", each) for each in searches] == ["search", "search (powell)"]
     (grades,) = chart_grades(records)
     assert [str(cell) for cell in grades.columns[0].cells] == ["search, 1 × 16²", "search (powell), 1 × 16²"]
+
+
+def test_fits_of_a_chart_that_did_not_converge_are_named_below_it() -> None:
+    usual = [
+        point("search", "gradient", 1, 16) | {"status": "converged"},
+        point("ggx", "", 0, 0) | {"status": "direct"},
+    ]
+    assert chart_endings(usual) == []
+    odd = [point("ggx", "", 0, 0) | {"status": "converged, budget"}, point("cole", "", 2, 16) | {"status": "budget"}]
+    (line,) = chart_endings([*usual, *odd])
+    assert line.endswith("ggx: converged, budget; cole 2 × 16²: budget.")
 
 
 def test_points_without_a_grade_make_no_table() -> None:

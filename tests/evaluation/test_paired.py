@@ -39,7 +39,7 @@ def test_each_split_gives_one_ratio(row: ComparisonRow) -> None:
     a = rows_of(row, {0: [(0.5, 6.0)], 1: [(1.0, 6.0)], 2: [(15.0, 6.0)]})
     b = rows_of(row, {0: [(1.0, 3.0)], 1: [(2.0, 12.0)], 2: [(12.0, 6.0)]})
     (pair,) = split_by_split({"a": a, "b": b})
-    assert (pair.best, pair.other) == ("b", "a")
+    assert (pair.method, pair.other) == ("b", "a")
     assert pair.ratios == {"log_mse": (2.0, 2.0, 0.8), "mse": (0.5, 2.0, 1.0)}
     # Equal is not lower.
     assert (pair.lower("log_mse"), pair.lower("mse")) == (1, 1)
@@ -72,6 +72,14 @@ def test_what_cannot_be_compared_is_left_out(row: ComparisonRow) -> None:
         0: [(2.0, 2.0)], 1: [(2.0, 2.0)],
     }).rows))  # fmt: skip
     assert split_by_split({"a": a, "b": by_another}) == []
+
+
+def test_every_pair_has_the_lower_mean_first(row: ComparisonRow) -> None:
+    given = {
+        name: rows_of(row, {0: [(error, 1.0)], 1: [(error, 1.0)]}) for name, error in (("c", 4), ("a", 1), ("b", 2))
+    }
+    pairs = [(pair.method, pair.other, pair.ratios["log_mse"]) for pair in split_by_split(given)]
+    assert pairs == [("a", "b", (0.5, 0.5)), ("a", "c", (0.25, 0.25)), ("b", "c", (0.5, 0.5))]
 
 
 class _Off:
