@@ -196,19 +196,10 @@ def measure(
         _write_completed(places[1], estimate, known, seed)
     return MeasureResult(
         known, angles, found.incidences, found.seconds, found.seconds_unordered, found.foretold, found.remaining,
-        found.change, found.change_by_rings, found.change_by_rings < stop, _highest(known),
-        max(posterior.scale, 1.0) ** 0.5, estimate, [place for place in places if place is not None],
+        found.change, found.change_by_rings, found.change_by_rings < stop,
+        None if known is None else known.largest_angle, max(posterior.scale, 1.0) ** 0.5, estimate,
+        [place for place in places if place is not None],
     )  # fmt: skip
-
-
-def _highest(known: "Samples | None") -> float | None:
-    """The largest θ of samples in degrees, of light or view; None of no samples."""
-    if known is None:
-        return None
-
-    from homofact.geometry.directions import to_spherical
-
-    return max(float(to_spherical(w)[0].max().rad2deg()) for w in (known.wi, known.wo))
 
 
 def _gathered(samples: Any) -> "Samples | None":

@@ -178,6 +178,11 @@ class Samples:
         """N, the number of samples."""
         return int(self.wi.shape[0])
 
+    @property
+    def largest_angle(self) -> float:
+        """The largest θ in degrees, of light or view."""
+        return max(float(torch.rad2deg(torch.acos(w[:, 2].clamp(-1, 1)).max())) for w in (self.wi, self.wo))
+
     def select(self, index: Tensor) -> "Samples":
         """Return the samples at `index` (integer or boolean), in that order."""
         clipped = None if self.clipped is None else self.clipped[index]

@@ -13,6 +13,7 @@ from homofact.errors import BadInput
 if TYPE_CHECKING:
     from homofact.api.measuring import MeasureResult
     from homofact.config import Config
+    from homofact.measuring.goniometer import Goniometer
 
 _GONIOMETER, _PLAN = "The goniometer", "What to choose"
 _WIDE = 2.0  # factor of an interval from which a percentage says nothing
@@ -113,12 +114,12 @@ def measure(
             f"homofact: the material is unlike the 128 known ones: errors are {found.misfit:.1f} times as wide as usual"
         )
     if not (quiet and found.files):
-        screen.show(*_shown(found))
+        screen.show(*_shown(found, stop, goniometer))
     screen.show(*(f"{file}" for file in found.files))
     screen.answer(found.record())
 
 
-def _shown(found: "MeasureResult") -> list[Any]:
+def _shown(found: "MeasureResult", stop: float, goniometer: "Goniometer") -> list[Any]:
     count = 0 if found.samples is None else len(found.samples)
     told = found.foretold
     albedo, highlight = (
@@ -128,7 +129,8 @@ def _shown(found: "MeasureResult") -> list[Any]:
         ]
         for values, factors in ((told.albedo, told.albedo_factor), (told.highlight, told.highlight_factor))
     )
-    more = "another round pays" if not found.stop else "below the limit, you can stop"
+    limit = f"the limit of {stop:.2%}".replace(".00%", "%")
+    more = f"above {limit}, another round pays" if not found.stop else f"below {limit}, you can stop"
     highest = "" if found.highest is None else f", θ up to {found.highest:.0f}°: above, the estimate follows the prior"
     facts = {
         "samples so far": f"{count}{highest}",
@@ -136,17 +138,27 @@ def _shown(found: "MeasureResult") -> list[Any]:
         "albedo": albedo,
         "highlight, part of the albedo": highlight,
         "chosen": f"{len(found.angles)} directions"
-        + (f" of {len(found.incidences)} incidences" if found.incidences else ""),
+        + (f" of {len(found.incidences)} incidences" if found.incidences else "")
+        + f", θi {_between(goniometer.theta_i)}, θo {_between(goniometer.theta_o)} (--theta-i, --theta-o)",
         "squared error": f"expected to fall to {found.remaining:.0%} of the present one",
         "time of moves": f"{found.seconds:.0f} s in this order"
         f" ({found.seconds_unordered:.0f} s in the order of choosing)",
         "pictures": f"expected to change by {found.change:.1%}",
         "three rings more": f"expected to change the pictures by {found.change_by_rings:.1%}: {more}",
     }
-    shown: list[Any] = [facts_table("Where to measure next", facts)]
+    shown: list[Any] = [
+        facts_table("Where to measure next", facts),
+        "Albedo and highlight are means of the channels, estimated from the samples and a prior of materials. The"
+        " limits of a fit are those of its verdict.",
+    ]
     if not found.files:
         shown += [f"theta_i {one:g}, theta_o {two:g}, phi {three:g}" for one, two, three in found.angles]
     return shown
+
+
+def _between(limits: tuple[float, float]) -> str:
+    low, high = limits
+    return f"{low:g}–{high:g}°"
 
 
 def _with_interval(value: float, factor: float) -> str:

@@ -19,8 +19,28 @@ function curveDirections(wi) {
 
 const luminance = (values, k) => 0.2126 * values[3 * k] + 0.7152 * values[3 * k + 1] + 0.0722 * values[3 * k + 2];
 
-/** Draws the curves of [{colour, values}] at these directions; `mark` is the θo (signed, degrees) of the pointer. */
-function drawCurves(canvas, degrees, curves, mark, thetaI) {
+/** Stripes between two places of the axis. */
+function hatch(context, left, right, top, bottom) {
+  if (right - left < 0.5) return;
+  context.save();
+  context.beginPath();
+  context.rect(left, top, right - left, bottom - top);
+  context.clip();
+  context.strokeStyle = "#3a3f47";
+  context.beginPath();
+  for (let from = left - (bottom - top); from < right; from += 6) {
+    context.moveTo(from, bottom);
+    context.lineTo(from + bottom - top, top);
+  }
+  context.stroke();
+  context.restore();
+}
+
+/**
+ * Draws the curves of [{colour, values}] at these directions; `mark` is the θo (signed, degrees) of the pointer. Angles
+ * beyond `measuredTo` degrees are hatched, all of them where the light is beyond it; null hatches none.
+ */
+function drawCurves(canvas, degrees, curves, mark, thetaI, measuredTo) {
   const ratio = Math.min(window.devicePixelRatio || 1, 2);
   const width = canvas.clientWidth, height = canvas.clientHeight;
   [canvas.width, canvas.height] = [Math.round(width * ratio), Math.round(height * ratio)];
@@ -67,6 +87,8 @@ function drawCurves(canvas, degrees, curves, mark, thetaI) {
   context.beginPath();
   context.rect(left, top - 2, right - left, bottom - top + 4);
   context.clip();
+  const reach = measuredTo === null ? 90 : thetaI > measuredTo ? 0 : measuredTo;
+  for (const [from, to] of [[-90, -reach], [reach, 90]]) hatch(context, x(from), x(to), top, bottom);
   for (const [angle, colour] of [[thetaI, "#5b616b"], [mark, "#e7e8ea"]]) {
     if (angle === null) continue;
     context.strokeStyle = colour;

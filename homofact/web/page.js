@@ -5,6 +5,8 @@ class View {
     this.layers = layers;
     this.mesh = mesh;
     this.reference = layers.length < 2 ? null : layers.find((layer) => layer.key === "source") ?? layers.at(-1);
+    this.measuredTo = layers.find((layer) => layer.measuredTo !== null)?.measuredTo ?? null;
+    this.took = 0;
     this.state = {
       ...structuredClone(START), visible: layers.map((layer) => layer.key), surface: mesh?.first ? "mesh" : "sphere",
       light: "sky", drag: "camera", stops: 0, difference: "off", factor: 4,
@@ -141,7 +143,8 @@ class View {
     if (dirty.moving) {
       this.settle(this.finished() - began);
     } else if (stage.passes < wanted) {
-      this.hurry(this.finished() - began);
+      this.took = this.finished() - began;
+      this.hurry(this.took);
       this.pending = requestAnimationFrame(() => this.frame());
     }
     // What is read does not change from pass to pass.
@@ -182,8 +185,15 @@ class View {
       const compared = state.difference !== "off" && this.reference && layer !== this.reference;
       scale.hidden = !compared;
       if (compared) fillScale(scale, state, layer.title, this.reference.title);
-      subtitle.textContent = compared ? "difference" : layer.volume ? "as a table" : "";
+      const what = compared ? "difference" : layer.volume ? "as a table" : "";
+      subtitle.textContent = [what, this.sharpening()].filter(Boolean).join(", ");
     }
+  }
+
+  /** How far a picture is that takes a slow machine seconds; "" otherwise. */
+  sharpening() {
+    const passes = Math.min(SMOOTH_PASSES, this.stage.passesWanted(this.state));
+    return this.took > 250 && this.stage.passes < passes ? `sharpening, pass ${this.stage.passes} of ${passes}` : "";
   }
 
   /** The pointer is at (x, y) of a picture, in CSS pixels. */
@@ -214,10 +224,12 @@ class View {
     const mark = lit ? side * (180 / Math.PI) * fromNormal(point.wo) : null;
     // Drawn in the order of the page's back to front: the source under its fits.
     drawCurves(document.getElementById("curve"), degrees,
-      visible.toReversed().map((layer) => ({ values: stage.evaluate(layer.key, lights, views), colour: colour(layer) })), mark, theta);
+      visible.toReversed().map((layer) => ({ values: stage.evaluate(layer.key, lights, views), colour: colour(layer) })), mark, theta, this.measuredTo);
     document.getElementById("curve-title").textContent = `In the plane of incidence, θi = ${theta.toFixed(0)}°`;
     document.getElementById("curve-legend").replaceChildren(...visible.map((layer) =>
       element("span", { style: `--colour: ${colourOf(this.layers, layer.key)}` }, layer.title)));
+    document.getElementById("curve-measured").textContent =
+      this.measuredTo === null ? "" : `Hatched: beyond ${this.measuredTo.toFixed(0)}°, the largest measured angle. There the source is extrapolated.`;
   }
 }
 

@@ -204,8 +204,9 @@ def _conditions(fitted: "Fitted", source: Reopened, compared: bool) -> list[str]
     turned = ", turned at random" if samples.isotropic else ""
     count = round(split.held_out * len(samples)) or len(samples)
     both = "Both fits have" if compared else "The fit has"
+    same = ", the same for both fits" if compared else ""
     if source.held_out:
-        seen = f"{both} the same A and have not seen them." if compared else "It has not seen them."
+        seen = f"{both} not seen these samples."
     elif source.known:
         seen = f"Nothing was held out: {'both fits were' if compared else 'the fit was'} made from these samples."
     else:
@@ -214,7 +215,7 @@ def _conditions(fitted: "Fitted", source: Reopened, compared: bool) -> list[str]
         )
     return [
         f"Errors are on {count:,} of {len(samples):,} samples (seed {split.seed}){turned}. {seen} Logarithms are"
-        f" of (f + εA)/A, with ε = {fitted.transform.epsilon:g} and A the mean of the training samples."
+        f" of (f + εA)/A, with ε = {fitted.transform.epsilon:g} and A the mean of the training samples{same}."
     ]
 
 

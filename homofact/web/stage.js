@@ -6,6 +6,8 @@ const PASSES = {
   directional: { sphere: 1, mesh: 16 }, overcast: { sphere: 48, mesh: 48 }, studio: { sphere: 64, mesh: 64 },
   sky: { sphere: 96, mesh: 96 },
 };
+// From this pass on each pixel has all samples of the set (lighting.js), and the picture is no longer smoothed.
+const SMOOTH_PASSES = 16;
 const LIGHTS = ["directional", "overcast", "studio", "sky"];
 const MODES = ["off", "signed", "absolute", "ratio"];
 const FACTORS = ["1", "2", "4", "8", "16", "32", "64", "128", "256"];
@@ -170,7 +172,7 @@ class Stage {
     gl.uniform1f(this.display.at("u_scale"), this.scale);
     gl.uniform1f(this.display.at("u_passes"), this.passes);
     // The first passes' noise is averaged over pixels whose starts of samples complete each other (lighting.js).
-    const across = state.light === "directional" || this.passes >= 16 ? 1 : this.passes >= 4 ? 2 : 4;
+    const across = state.light === "directional" || this.passes >= SMOOTH_PASSES ? 1 : this.passes >= 4 ? 2 : 4;
     gl.uniform1f(this.display.at("u_width"), across);
     gl.uniform1f(this.display.at("u_exposure"), 2 ** state.stops);
     gl.uniform3f(this.display.at("u_ground"), GROUND, GROUND, GROUND);

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from homofact.brdf.reflectance import Reflectance
+from homofact.brdf.scattered import interpolated_samples
 from homofact.errors import BadInput
 from homofact.files.atomic import write_bytes
 from homofact.meshes.mesh import Mesh
@@ -78,7 +79,8 @@ class Layer:
 
     `key` is the prefix in `glsl` and the name for programs ("fit", "mccool", "source"; differences are to "source",
     or to the last layer where there is none); `title` is for people; `facts` are (name, value) pairs for the
-    table of numbers, those of the same name in one column; `table` is the source's own texture.
+    table of numbers, those of the same name in one column; `table` is the source's own texture. `measured_to` is the
+    largest angle in degrees of a source known only at its samples.
     """
 
     key: str
@@ -87,6 +89,7 @@ class Layer:
     textures: tuple[LayerTexture, ...]
     facts: Facts = ()
     table: SourceTable | None = None
+    measured_to: float | None = None
 
     def __post_init__(self) -> None:
         """Refuse a key that is no name in GLSL, and shader text that does not define what the page calls."""
@@ -103,8 +106,9 @@ def source_layer(reflectance: Reflectance, facts: Facts = (), seed: int = 0) -> 
 
     Raises BadInput as `source_table`.
     """
-    table = source_table(reflectance, seed=seed)
-    return Layer(SOURCE, "Source", table.glsl(SOURCE), (), (*facts, ("Textures", f"a table, {table.size}")), table)
+    table, samples = source_table(reflectance, seed=seed), interpolated_samples(reflectance)
+    facts = (*facts, ("Textures", f"a table, {table.size}"))
+    return Layer(SOURCE, "Source", table.glsl(SOURCE), (), facts, table, samples and samples.largest_angle)
 
 
 def viewer_html(
@@ -173,6 +177,7 @@ def _layer(layer: Layer) -> dict[str, Any]:
         "textures": [_texture(texture) for texture in layer.textures],
         "facts": [list(fact) for fact in layer.facts],
         "volume": volume,
+        "measuredTo": layer.measured_to,
     }
 
 

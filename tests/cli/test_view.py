@@ -90,7 +90,7 @@ def test_the_split_is_found_again(options: list[str], run: Callable[..., Ran], t
 def test_a_saved_file_alone_will_do(run: Callable[..., Ran], made: Path, tmp_path: Path) -> None:
     shutil.copy(made / "factorization.npz", tmp_path / "paint.npz")
     assert run("view", tmp_path / "paint.npz", "-q") == (0, "", "")
-    assert "have not seen them" in data_of(tmp_path / "paint.html")["notes"][0]
+    assert "Both fits have not seen these samples." in data_of(tmp_path / "paint.html")["notes"][0]
     assert sorted(path.name for path in tmp_path.iterdir()) == ["paint.html", "paint.npz"]
 
 

@@ -18,11 +18,13 @@ from shading_cases import CASES, SEPARABLE, factorization
 from unpacked import unpack
 
 from homofact.brdf.materials import material
+from homofact.brdf.sampling import sample_model
+from homofact.brdf.scattered import surface_of
 from homofact.errors import BadInput
 from homofact.evaluation.bar.error_bar import BarKind, ErrorBar, ErrorBars
 from homofact.factor.projection import fixed_projection
 from homofact.factor.quantize import rounded
-from homofact.geometry.directions import draw_uniform
+from homofact.geometry.directions import draw_uniform, to_spherical
 from homofact.meshes.mesh import Mesh
 from homofact.shading.cost import cost_of
 from homofact.shading.encoding import encode_texture
@@ -297,6 +299,20 @@ def test_the_source_says_that_it_is_a_table() -> None:
     volume = data["layers"][0]["volume"]
     assert volume["name"] == "source_texture_0"
     assert (unpack(volume["steps"]) == layer.table.differences()).all()
+
+
+def test_the_source_of_a_list_knows_up_to_which_angle_it_was_measured() -> None:
+    model = material("lafortune-clay").model
+    full = sample_model(model, 1500, "discs", 0)
+    theta = [to_spherical(w)[0].rad2deg() for w in (full.wi, full.wo)]
+    samples = full.select(((theta[0] < 70) & (theta[1] < 62)).nonzero()[:, 0])
+    layer = source_layer(surface_of(samples))
+    assert layer.measured_to is not None
+    assert 68 < layer.measured_to < 70
+    html = viewer_html([layer], title="t")
+    found = json.loads(re.search(r'"measuredTo":\s*([\d.]+)', html)[1])  # type: ignore[index]
+    assert found == pytest.approx(layer.measured_to)
+    assert source_layer(model).measured_to is None
 
 
 def test_the_error_bars_by_angle_stand_beside_the_verdict() -> None:
