@@ -1,17 +1,19 @@
 """`homofact relight`: objects under an environment map with their shadows, precomputed, rendered, and judged."""
 
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.table import Table
+from rich.text import Text
 
 from homofact.cli import options as o
 from homofact.cli.layout import add_figures, add_names, plain_table
 from homofact.cli.plan_relight import choice_table, name_with_material
 from homofact.cli.screen import Screen
-from homofact.evaluation.wording import counted, figure
+from homofact.evaluation.wording import counted, figure, listed
 
 if TYPE_CHECKING:
     from homofact.relighting.build import RelitObject
@@ -53,6 +55,7 @@ def relight(
         if found.plans:
             screen.show(choice_table(found.plans, found.plans[0].reflected))
         screen.show(object_table(found.objects), *(error_tables(found.report["objects"]) if vertices else []))
+        screen.show(*map(Text, interpolation_lines(found.report["objects"])))
         if found.report["picture"] is not None:
             screen.note(likeness_line(found.report["picture"]))
     pictures = counted(len(found.pictures), "picture")
@@ -70,12 +73,25 @@ def likeness_line(found: Mapping[str, Any]) -> str:
     return f"The whole picture at {width} × {height}: {parts}"
 
 
+def interpolation_lines(objects: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return which objects lose most between their vertices, and the remedy, in a line; none where none does."""
+    errors = {entry["mesh"]: entry["error"] or {} for entry in objects}
+    coarse = [name for name, own in errors.items() if own.get("picture", 0.0) > _COARSE * own.get("together", math.inf)]
+    if not coarse:
+        return []
+    line = "Most of the picture's error is interpolation between vertices; a finer mesh lowers it"
+    return [f"{line} ({listed(coarse)})."]
+
+
+# The total error of the picture over that at the vertices, from which most of its square is between them.
+_COARSE = math.sqrt(2)
 _ASIDE = ("psnr", "below_zero", "vertices")
 _BESIDE = 4  # objects of a table of errors
 _ERRORS = (
-    "Relative RMS error of the light towards the first camera (picture: total error at pixels; together: total error at"
-    " vertices; rim: total error at vertices seen at cosθ below 0.2; other rows: the error of one stage alone). The"
-    " reference is lit with the same fits, so their own errors are not included: their verdicts state them"
+    "Relative RMS error of the light towards the first camera (picture: total error at pixels, with the"
+    " interpolation between vertices; together: total error at vertices; rim: total error at vertices seen at cosθ"
+    " below 0.2; other rows: the error of one stage alone). The reference is lit with the same fits, so their own"
+    " errors are not included: see their verdicts"
 )
 
 

@@ -44,17 +44,23 @@ class FileFit:
         """How far the fit is from the file."""
         return self.fit.provenance[_FACTS]["errors"]
 
+    @property
+    def verdict(self) -> str | None:
+        """How far the fit can be trusted, in a sentence; None for a fit that an earlier version kept."""
+        return self.fit.provenance[_FACTS].get("verdict")
+
     def record(self) -> dict[str, Any]:
         """Return the JSON form."""
-        return {"file": self.name, **self.errors}
+        return {"file": self.name, **self.errors, "verdict": self.verdict}
 
     def sentence(self, words: str) -> str:
-        """Describe the fit and its errors in one sentence."""
+        """Describe the fit, its errors and its verdict."""
         held_out, sky = self.errors["held_out"], self.errors["sky"]
         shown = "" if sky is None else f", a sphere under a sky off by {sky:.1%}"
         sizes = shapes([texture.size for texture in self.fit.textures])
         fit = f"{Path(words).name}: replaced by a fit with textures of {sizes} texels, {self.fit.nbytes} bytes"
-        return f"{fit}, mean absolute log error (log_mae) {held_out:.3f} on held-out samples{shown}"
+        verdict = "" if self.verdict is None else f". Verdict on the fit: {self.verdict}"
+        return f"{fit}, mean absolute log error (log_mae) {held_out:.3f} on held-out samples{shown}{verdict}"
 
 
 @dataclass
@@ -93,8 +99,9 @@ class FileFits:
         row = fit_and_measure(source, method, progress=self.progress)
         sky = None if row.appearance is None else row.appearance.off_sky
         errors = {"held_out": row.held_out.log_mae, "sky": sky}
+        facts = {"file": Path(words).name, "errors": errors, "verdict": row.verdict.summary}
         fit: Any = row.factorization
-        fit = replace(fit, provenance=fit.provenance | {_FACTS: {"file": Path(words).name, "errors": errors}})
+        fit = replace(fit, provenance=fit.provenance | {_FACTS: facts})
         found = FileFit(name, fit)
         if self.folder is not None and self.writes:
             self.folder.mkdir(parents=True, exist_ok=True)

@@ -9,7 +9,7 @@ import pytest
 from rich.console import Console
 
 from homofact.cli.main import main
-from homofact.cli.relight import error_tables
+from homofact.cli.relight import error_tables, interpolation_lines
 from homofact.containers.png import read_png
 
 pytest.importorskip("embreex", reason="embreex is not installed: pip install 'homofact[relight]'")
@@ -220,3 +220,12 @@ def test_arguments_that_are_none(
     error = capsys.readouterr().err
     assert expected in error
     assert error.count("\n") == 1
+
+
+def test_objects_whose_error_is_mostly_between_their_vertices_are_named() -> None:
+    fine = {"mesh": "fine", "error": {"picture": 0.04, "together": 0.03}}
+    coarse = {"mesh": "coarse", "error": {"picture": 0.05, "together": 0.03}}
+    unseen = {"mesh": "unseen", "error": None}
+    (line,) = interpolation_lines([fine, coarse, unseen])
+    assert "(coarse)" in line
+    assert interpolation_lines([fine, unseen]) == []

@@ -9,13 +9,26 @@ from goniometer import steel_rings
 from judged import seen, verdict
 
 from homofact.brdf.materials import material
+from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
 from homofact.brdf.source import source_of
 from homofact.cli.verdicts import incidence_lines
 from homofact.evaluation.compare import fit_and_measure
 from homofact.evaluation.verdict.flux import BANDS, by_incidence, flux_of
-from homofact.geometry.directions import to_spherical
+from homofact.geometry.directions import from_spherical, to_spherical
 from homofact.methods.mccool import McCool
+
+
+def test_angles_with_samples_enough_have_rows_of_their_own() -> None:
+    # In radians, 30° and 45° are just below or above the edges of the bands.
+    angles = torch.tensor([15.0, 30.0, 45.0]).deg2rad().repeat_interleave(40)
+    views = torch.linspace(0, 1.3, 40).repeat(3)
+    wi, wo = from_spherical(angles, torch.zeros(120)), from_spherical(views, torch.full((120,), math.pi))
+    samples = Samples(wi, wo, torch.ones(120, 3))
+    factor = torch.tensor([1.0, 2.0, 3.0]).repeat_interleave(40)
+    rows = by_incidence(samples, flux_of(samples), samples.values * factor[:, None])
+    assert [row[0] for row in rows] == [row[1] for row in rows] == pytest.approx([15, 30, 45])
+    assert [row[2] for row in rows] == pytest.approx([1, 2, 3])
 
 
 def test_each_band_has_its_own_ratio() -> None:

@@ -111,6 +111,8 @@ def test_a_fit_stands_for_a_file_and_is_kept(tmp_path: Path, paint: Path, monkey
     transform = found.reflectance.transform
     off = transform.forward(found.reflectance.evaluate(test.wi, test.wo)) - transform.forward(test.values)
     assert found.fit.errors["held_out"] == pytest.approx(float(off.abs().mean()), rel=1e-6)
+    assert found.fit.verdict is not None
+    assert found.fit.verdict in found.fit.sentence(str(paint))
     assert [each.name for each in kept.iterdir()] == [found.fit.name]
     assert homofact.load(str(kept / found.fit.name)).channels == ("R", "G", "B")
 

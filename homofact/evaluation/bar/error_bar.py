@@ -241,7 +241,7 @@ class ErrorBars:
         found = f"{WORDS[albedo.quantity]} within {percent(error)} at {angles}"
         errors = [bar.error or 0.0 for bar in extrapolated]
         ends = dict.fromkeys(percent(error) for error in (min(errors), max(errors)))
-        return f"{found} (extrapolated at {others}: within {' to '.join(ends)})"
+        return f"{found} (partly extrapolated at {others}: within {' to '.join(ends)})"
 
     def by_angle_sentence(self) -> str:
         """Return at which angles of incidence the fit is good and at which bad, in a sentence.

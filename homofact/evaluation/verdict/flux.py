@@ -6,6 +6,7 @@ so dark and grazing pairs have as little weight here as in a picture.
 
 import math
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 import torch
@@ -28,6 +29,7 @@ ALBEDO_DEGREES = (0.0, 15.0, 30.0, 45.0, 60.0, 75.0, 85.0, 88.0)
 STEADY_DEGREES = 45.0
 BANDS = {"θi": (0, 15, 30, 45, 60, 75, 90), "θh": (0, 2, 5, 10, 20, 40, 90)}
 LEAST_IN_A_BAND, LEAST_OF_THE_LIGHT = 30, 0.02
+MOST_ANGLES = 12
 SURE = 2.0  # standard errors by which a band has to be off
 BRIGHTEST = 0.1  # of the samples' light: what is called their highlight
 BESIDE = 6
@@ -57,7 +59,7 @@ def by_incidence(samples: Samples, flux: Tensor, found: Tensor) -> tuple[tuple[f
     """Return (from, to, light of the fit over that of the samples) by θi in degrees, all channels together.
 
     At each angle of incidence where samples lie on rings that are dense enough (`brdf.quality.lit_rings`), over all
-    azimuths of the light; else by bands with `LEAST_IN_A_BAND` samples and some light.
+    azimuths of the light. Else at each angle, if all have `LEAST_IN_A_BAND` samples, or by bands that have.
     """
     rows = []
     rings = lit_rings(samples)
@@ -71,10 +73,14 @@ def by_incidence(samples: Samples, flux: Tensor, found: Tensor) -> tuple[tuple[f
             rows.append((degrees, degrees, light / own))
     if rows:
         return tuple(rows)
-    degrees = torch.rad2deg(to_spherical(samples.wi)[0])
+    degrees = torch.rad2deg(to_spherical(samples.wi)[0]).round(decimals=3)
     own, fits = flux * samples.values.mean(1), flux * found.mean(1)
-    for low, high in zip(BANDS["θi"], BANDS["θi"][1:], strict=False):
-        inside = (degrees >= low) & (degrees < high)
+    angles, counts = degrees.unique(return_counts=True)
+    bands = list(pairwise(BANDS["θi"]))
+    if len(angles) <= MOST_ANGLES and int(counts.min()) >= LEAST_IN_A_BAND:
+        bands = [(angle, angle) for angle in angles.tolist()]
+    for low, high in bands:
+        inside = (degrees >= low) & (degrees < high) | (degrees == low)
         light = float(own[inside].sum())
         if int(inside.sum()) >= LEAST_IN_A_BAND and light > 0:
             rows.append((float(low), float(high), float(fits[inside].sum()) / light))
