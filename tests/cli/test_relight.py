@@ -225,7 +225,7 @@ def test_arguments_that_are_none(
 def test_objects_whose_error_is_mostly_between_their_vertices_are_named() -> None:
     fine = {"mesh": "fine", "error": {"picture": 0.04, "together": 0.03}}
     coarse = {"mesh": "coarse", "error": {"picture": 0.05, "together": 0.03}}
-    unseen = {"mesh": "unseen", "error": None}
-    (line,) = interpolation_lines([fine, coarse, unseen])
+    unseen, without = {"mesh": "unseen", "error": None}, {"mesh": "without", "error": {"picture": 0.05}}
+    (line,) = interpolation_lines([fine, coarse, unseen, without])
     assert "(coarse)" in line
     assert interpolation_lines([fine, unseen]) == []

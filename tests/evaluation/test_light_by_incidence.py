@@ -20,8 +20,9 @@ from homofact.methods.mccool import McCool
 
 
 def test_angles_with_samples_enough_have_rows_of_their_own() -> None:
-    # In radians, 30° and 45° are just below or above the edges of the bands.
-    angles = torch.tensor([15.0, 30.0, 45.0]).deg2rad().repeat_interleave(40)
+    # As files have them, 30° and 45° are just below or above the edges of the bands.
+    angles = torch.tensor([15.0, 30.0, 45.0], dtype=torch.float64).repeat_interleave(40)
+    angles = (angles + torch.linspace(-1e-5, 1e-5, 120)).deg2rad()
     views = torch.linspace(0, 1.3, 40).repeat(3)
     wi, wo = from_spherical(angles, torch.zeros(120)), from_spherical(views, torch.full((120,), math.pi))
     samples = Samples(wi, wo, torch.ones(120, 3))
@@ -29,6 +30,10 @@ def test_angles_with_samples_enough_have_rows_of_their_own() -> None:
     rows = by_incidence(samples, flux_of(samples), samples.values * factor[:, None])
     assert [row[0] for row in rows] == [row[1] for row in rows] == pytest.approx([15, 30, 45])
     assert [row[2] for row in rows] == pytest.approx([1, 2, 3])
+    # At 45° there are too few.
+    few = samples.select(torch.arange(100))
+    rows = by_incidence(few, flux_of(few), few.values * factor[:100, None])
+    assert [row[:2] for row in rows] == [(15, 30), (30, 45)]
 
 
 def test_each_band_has_its_own_ratio() -> None:
