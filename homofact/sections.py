@@ -82,9 +82,9 @@ class SourceSettings(_Checked):
         expected_instead=none_twice, panel=SOURCE, everyday=True,
     )  # fmt: skip
     clipped: float | str | None = option(
-        None, "Treat values from this level (sr⁻¹) on as clipped, known only to be at least as large; found detects"
+        None, "Level in sr⁻¹ from which values are clipped, so that the true ones may be larger; the word found detects"
         " the level",
-        above=0, metavar="LEVEL", none="none are", expected_instead=_expected_level, panel=SOURCE,
+        above=0, metavar="LEVEL", none="no value is clipped", expected_instead=_expected_level, panel=SOURCE,
     )  # fmt: skip
     dismiss: tuple[str, ...] = option(
         (), "Suspicions of info that you have checked and that are wrong, by their names, or all: verdicts no longer"

@@ -36,8 +36,8 @@ class FitsComparison:
     fits : dict of Fit
         The fits by label: the names of their folders.
     records : dict
-        By label: bytes, fetches, shapes of the textures, errors, metrics and appearance, and the verdict that the fit
-        was saved with.
+        By label: bytes (of an export as it stores them), fetches, shapes of the textures, errors, metrics and
+        appearance, and the verdict that the fit was saved with.
     plot : Path or None
         The picture; None without one.
     conditions : list of str
@@ -47,6 +47,8 @@ class FitsComparison:
     ratios : dict of dict of ErrorRatio
         The errors of the best fit over those of each other one with the same ε, by label and by error ("log_mse",
         "mse"), with their intervals.
+    unlike : tuple of str
+        The fits whose held-out samples are others than those of the first one, or are not known.
     """
 
     source: str
@@ -57,6 +59,7 @@ class FitsComparison:
     conditions: list[str] = field(default_factory=list)
     best: str = ""
     ratios: "dict[str, dict[str, ErrorRatio]]" = field(default_factory=dict)
+    unlike: tuple[str, ...] = ()
 
     def record(self) -> dict[str, Any]:
         """Return the JSON form."""
@@ -117,6 +120,9 @@ def compare_fits(
     """
     if len(fits) < 2:
         raise BadInput(where="fits", found=len(fits), expected="two or more")
+    for place in fits:
+        if [Path(each).absolute() for each in fits].count(Path(place).absolute()) > 1:
+            raise BadInput(where="fits", found=f"{place} twice", expected="each once")
     given = {label: given_fit(place) for label, place in zip(_labels(fits), fits, strict=True)}
     picture = None if plot is None else Path(plot)
     if picture is not None:
@@ -133,7 +139,11 @@ def compare_fits(
     steps = ProgressSteps(progress)
     steps.stage("reading")
     opened = {label: load(place) for label, place in zip(given, fits, strict=True)}
-    source, split, parts = _own_parts(given, opened) if on is None else _parts_of(on, opened)
+    unlike: tuple[str, ...] = ()
+    if on is None:
+        source, split, parts, unlike = _own_parts(given, opened)
+    else:
+        source, split, parts = _parts_of(on, opened)
     judge = FitEvaluator(source, names)
     records = {}
     for label, one in opened.items():
@@ -141,7 +151,7 @@ def compare_fits(
         fitted, seen = one.factorization, appearance(one.factorization, source)
         records[label] = {
             "textures": len(fitted.terms),
-            "bytes": fitted.nbytes,
+            "bytes": given[label].stored_bytes or fitted.nbytes,
             "fetches": fitted.fetches,
             "shapes": [list(texture.size) for texture in fitted.textures],
             "epsilon": fitted.transform.epsilon,
@@ -161,26 +171,43 @@ def compare_fits(
         for label, one in opened.items()
         if label != best and records[label]["epsilon"] == records[best]["epsilon"]
     }
-    return FitsComparison(source.name, part, opened, records, picture, judge.conditions(), best, ratios)
+    return FitsComparison(source.name, part, opened, records, picture, judge.conditions(), best, ratios, unlike)
 
 
 def _own_parts(
     given: "Mapping[str, GivenFit]", opened: Mapping[str, Fit]
-) -> "tuple[Source, Split, dict[str, Samples]]":
-    """The source that all fits are of, its split, and what errors are measured on. Raises BadInput for several."""
+) -> "tuple[Source, Split, dict[str, Samples], tuple[str, ...]]":
+    """The source of all fits, its split, what errors are measured on, and which fits have other held-out samples.
+
+    Raises BadInput for several sources.
+    """
     from homofact.evaluation.reopening import reopen
 
-    found = {}
-    for label, one in opened.items():
+    found: dict[str, Reopened] = {}
+    folders: list[Path] = []
+    # An export knows the name of its source alone: it is looked for beside those of the other fits too.
+    for label in sorted(opened, key=lambda label: given[label].exported):
         try:
-            found[label] = reopen(one.factorization, None, given[label].near)
+            found[label] = reopen(opened[label].factorization, None, (*given[label].near, *folders))
         except BadInput as error:
             raise error.at(label) from error
+        folders += _folder_of(found[label].source)
+    found = {label: found[label] for label in opened}
     first = _one_source(found)
-    if all(one.split == first.split and one.held_out for one in found.values()):
-        return first.source, first.split, first.parts
+    # Where the file was when each was fitted does not matter.
+    split = replace(first.split, opening=None)
+    own = {label for label, one in found.items() if replace(one.split, opening=None) == split and one.held_out}
+    if own == found.keys():
+        return first.source, first.split, first.parts, ()
     parts = {"source": first.source.samples.rotated_at_random(first.split.seed)}
-    return first.source, replace(first.split, held_out=0.0), parts
+    unlike = tuple(label for label in found if label not in own)
+    return first.source, replace(first.split, held_out=0.0), parts, unlike
+
+
+def _folder_of(source: "Source") -> list[Path]:
+    """The folder of its file, if it has one."""
+    path = None if source.opening is None else Path(source.opening.folder) / source.opening.path
+    return [] if path is None or not path.is_file() else [path.parent]
 
 
 def _parts_of(on: Any, opened: Mapping[str, Fit]) -> "tuple[Source, Split, dict[str, Samples]]":

@@ -156,7 +156,8 @@ def _faults_in_words(faults: dict[str, Any]) -> dict[str, Any]:
     found = {
         "reciprocity_error": _reciprocity_in_words(faults["reciprocity_error"]),
         "spread_along_the_normal": _spread_in_words(faults["spread_along_the_normal"]),
-        "albedo_by_degrees": ", ".join(f"{value:.4g} at {at}°" for at, value in faults["albedo_by_degrees"].items()),
+        "albedo_by_degrees": ", ".join(f"{value:.4g} at {at}°" for at, value in faults["albedo_by_degrees"].items())
+        + " (largest channel)",
         "holes": f"{holes['empty']} of {holes['cells']} cells ({holes['share']:.0%})",
     }
     # `albedo_by_degrees` states its angles, so that its row needs the name alone.

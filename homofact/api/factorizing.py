@@ -10,6 +10,7 @@ from homofact.api.progress import Progress, ProgressSteps
 from homofact.api.refusing import Refusal
 from homofact.api.subjects import Place, given_method, given_source, open_given, subset_of
 from homofact.brdf.source_names import DISMISSED, HELD_OUT
+from homofact.errors import BadInput
 from homofact.evaluation.wording import counted, figure
 from homofact.files import extras
 from homofact.files.lock import claimed
@@ -21,7 +22,7 @@ from homofact.sections import SourceSettings
 if TYPE_CHECKING:
     from homofact.api.result import Fit
     from homofact.brdf.source import Source
-    from homofact.evaluation.compare import ComparisonRow
+    from homofact.evaluation.compare import ComparisonRow, FitWithErrors
     from homofact.factor.fitted import Fitted
     from homofact.methods.method import Method
 
@@ -44,6 +45,9 @@ class FactorizeResult:
         Source and fits on a lit sphere; None without matplotlib.
     left_out : str
         What was not written for want of a library; empty where nothing was.
+    model : FitWithErrors or None
+        A GGX model that errs no more than the fit on the held-out samples of a list; None where it errs more, or was
+        not tried.
     """
 
     folder: Path
@@ -52,6 +56,7 @@ class FactorizeResult:
     report: dict[str, Any]
     picture: Path | None
     left_out: str
+    model: "FitWithErrors | None" = None
 
     @property
     def row(self) -> "ComparisonRow":
@@ -158,8 +163,9 @@ def factorize(
         if baseline != chosen:
             steps.stage("McCool's projections")
             rows["McCool"] = fit_and_measure(subject, baseline, held_out, subset=subset)
+        model = _model_as_good(subject, rows[chosen.name])
         records = {label: row.record() for label, row in rows.items()}
-        report = _report(subject, source, records, folder)
+        report = _report(subject, source, records, folder) | {"model": None if model is None else _model_record(model)}
         steps.stage("drawing and writing")
 
         def draw(place: Path) -> None:
@@ -173,7 +179,31 @@ def factorize(
             force=force,
         )
     without = extras.left_out({**LIBRARIES, "pictures": "matplotlib"})
-    return FactorizeResult(folder, subject, rows, report, folder / "compare.png" if drawn else None, without)
+    return FactorizeResult(folder, subject, rows, report, folder / "compare.png" if drawn else None, without, model)
+
+
+def _model_as_good(subject: "Source", row: "ComparisonRow") -> "FitWithErrors | None":
+    """A GGX model of the same split whose errors of logarithms and of values are no larger than those of textures.
+
+    None where there is none, for fits without textures, and for sources with more samples than a list has, for which
+    it takes seconds.
+    """
+    from homofact.brdf.scattered import made_of_samples
+    from homofact.evaluation.compare import fit_baseline
+    from homofact.methods.models import Ggx
+
+    if not row.factorization.textures or not made_of_samples(subject.reflectance):
+        return None
+    try:
+        found = fit_baseline(subject, row.split, Ggx(epsilon=row.factorization.transform.epsilon))
+    except BadInput:
+        return None
+    own, other = row.held_out, found.held_out
+    return found if other.log_mse <= own.log_mse and other.mse <= own.mse else None
+
+
+def _model_record(model: "FitWithErrors") -> dict[str, Any]:
+    return {"method": "ggx", "bytes": model.factorization.nbytes, "held_out": model.held_out.record()}
 
 
 def caption(record: dict[str, Any]) -> list[str]:

@@ -1,6 +1,6 @@
 """Measuring: which directions a goniometer should measure next, and what the samples so far tell."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -32,6 +32,8 @@ class MeasureResult:
     ----------
     samples : Samples or None
         All samples so far.
+    goniometer : Goniometer
+        The limits, steps and times that the directions are chosen for.
     angles : list of tuple
         θi, θo and φ between them in degrees, in the order of measuring; the light is at φ = 0.
     incidences : tuple of float
@@ -57,6 +59,7 @@ class MeasureResult:
     """
 
     samples: "Samples | None"
+    goniometer: "Goniometer"
     angles: list[tuple[float, float, float]]
     incidences: tuple[float, ...]
     seconds: float
@@ -95,7 +98,7 @@ def measure(
     *,
     directions: int | None = None,
     incidences: int | None = None,
-    goniometer: "Goniometer | None" = None,
+    goniometer: "Goniometer | Mapping[str, Any] | None" = None,
     to: Place | None = None,
     complete: Place | None = None,
     channels: Sequence[str] = ("R", "G", "B"),
@@ -116,8 +119,9 @@ def measure(
         How many single directions to choose; 5 unless `incidences` is given.
     incidences : int, optional
         How many incidences to choose instead, each measured at all views of `Goniometer.ring`.
-    goniometer : Goniometer, optional
-        Its limits, steps and times.
+    goniometer : Goniometer or dict, optional
+        Its limits, steps and times. As a dictionary of some of them, or without it, light and detector reach 80°, or as
+        far as the samples.
     to : path, optional
         A CSV for the directions, with an empty column for each channel. Fill it in and pass it to the next round.
     complete : path, optional
@@ -181,12 +185,11 @@ def measure(
     if known is not None:
         check_samples(known)
         channels = known.channels
+    used = goniometer if isinstance(goniometer, Goniometer) else Goniometer.reaching(known, **(goniometer or {}))
     steps.stage("choosing")
     prior = read_prior()
     posterior = posterior_of(prior, known, len(channels), seed)
-    found = next_round(
-        prior, posterior, goniometer or Goniometer(), directions=directions or 0, incidences=incidences or 0
-    )
+    found = next_round(prior, posterior, used, directions=directions or 0, incidences=incidences or 0)
     estimate = CompletedBrdf(prior.grid, posterior, tuple(channels))
     angles = [(float(one), float(two), float(three)) for one, two, three in found.angles]
     steps.stage("writing")
@@ -195,7 +198,7 @@ def measure(
     if places[1] is not None:
         _write_completed(places[1], estimate, known, seed)
     return MeasureResult(
-        known, angles, found.incidences, found.seconds, found.seconds_unordered, found.foretold, found.remaining,
+        known, used, angles, found.incidences, found.seconds, found.seconds_unordered, found.foretold, found.remaining,
         found.change, found.change_by_rings, found.change_by_rings < stop,
         None if known is None else known.largest_angle, max(posterior.scale, 1.0) ** 0.5, estimate,
         [place for place in places if place is not None],

@@ -66,6 +66,24 @@ class GivenFit:
                 return {"trusted": bool(found.get("trusted")), "summary": found["summary"]}
         return None
 
+    @property
+    def exported(self) -> bool:
+        """Whether it is an export for an engine."""
+        return self.stored_bytes is not None
+
+    @property
+    def stored_bytes(self) -> int | None:
+        """The bytes of an export's texels as it stores them; None of any other fit."""
+        if self.place is None:
+            return None
+
+        from homofact.exporting.exported_reader import export_record
+
+        folder = self.place if self.place.is_dir() else self.place.parent
+        cost = export_record(folder).get("cost")
+        found = cost.get("bytes") if isinstance(cost, dict) else None
+        return found if isinstance(found, int) else None
+
     def open(self) -> "Fitted":
         """Return the stored representation. Raises BadInput for what is no fit."""
         if self.place is not None:

@@ -22,7 +22,7 @@ from homofact.cli.tables import (
 )
 from homofact.cli.verdicts import brief_lines, names_of, strictness
 from homofact.errors import BadInput
-from homofact.evaluation.wording import counted, figure
+from homofact.evaluation.wording import counted, figure, listed
 from homofact.files.kinds import EXPORT, RESULT
 from homofact.sections import FIT
 
@@ -142,7 +142,10 @@ def _compare_fits(settings: "Config", screen: Screen) -> None:
     if on is not None:
         screen.note(f"homofact: the errors are on all samples of {found.source}; a fit of them has seen most of them")
     elif found.part == "source":
-        screen.note("homofact: the fits have different held-out samples, so the errors are on all samples")
+        screen.note(
+            f"homofact: the held-out samples of {listed(found.unlike)} are unknown or others than those of"
+            f" {next(iter(found.fits))}, so the errors are on all samples"
+        )
     metrics = metric_tables({label: record["metrics"] for label, record in found.records.items()})
     screen.show(error_table(found.records), *appearance_tables(found.records), *metrics, *map(Text, found.conditions))
     screen.show(*map(Text, _ratio_lines(found)), size_table(found.records))

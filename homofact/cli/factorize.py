@@ -24,7 +24,7 @@ from homofact.cli.verdicts import (
     where_lines,
 )
 from homofact.errors import BadInput
-from homofact.evaluation.wording import counted, shapes
+from homofact.evaluation.wording import counted, figure, shapes
 
 if TYPE_CHECKING:
     from homofact.api.factorizing import FactorizeResult
@@ -102,15 +102,28 @@ def _headline(found: "FactorizeResult") -> str:
     made = f"{counted(count, 'texture')} {of}" if count else "a model without textures"
     twice = record["fetches"] - count
     read = f" ({counted(twice, 'texture')} read twice)" if 0 < twice <= count else ""
+    texels = sum(rows * columns for rows, columns in record["shapes"])
+    eight = f" ({4 * texels} as RGBA with 8 bits)" if texels else ""
     return (
         f"{found.source.name}, fitted by {next(iter(found.rows))}: {made},"
-        f" {counted(record['bytes'], 'byte')} as float32, {counted(record['fetches'], 'fetch')} per evaluation{read}"
+        f" {counted(record['bytes'], 'byte')} as float32{eight},"
+        f" {counted(record['fetches'], 'fetch')} per evaluation{read}"
     )
 
 
 def _next_lines(found: "FactorizeResult") -> list[str]:
-    """What to do with a fit that the verdict does not warn of."""
+    """What to do with a fit that the verdict does not warn of, and which model may do as well."""
+    model = found.model
+    smaller = (
+        [
+            f"A GGX model of {model.factorization.nbytes} bytes errs no more on the held-out samples (log mse"
+            f" {figure(model.held_out.log_mse)}, mse {figure(model.held_out.mse)}): try --method ggx"
+        ]
+        if model is not None
+        else []
+    )
     return [
+        *smaller,
         f"View it in a browser: homofact view {found.folder}",
         f"Export it to an engine: homofact export {found.folder} --out FOLDER --engine three",
     ]

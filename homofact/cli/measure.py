@@ -13,7 +13,6 @@ from homofact.errors import BadInput
 if TYPE_CHECKING:
     from homofact.api.measuring import MeasureResult
     from homofact.config import Config
-    from homofact.measuring.goniometer import Goniometer
 
 _GONIOMETER, _PLAN = "The goniometer", "What to choose"
 _WIDE = 2.0  # factor of an interval from which a percentage says nothing
@@ -48,8 +47,9 @@ _Complete = Annotated[
     Path | None,
     _option("File for the completed material, as samples for homofact factorize.", None, "FILE.csv", False),
 ]
-_ThetaI = Annotated[str, _option("Limits of the light's angle, in degrees.", _GONIOMETER, "A,B")]
-_ThetaO = Annotated[str, _option("Limits of the detector's angle, in degrees.", _GONIOMETER, "A,B")]
+_FAR = "Default: 0,80, or as far as the samples reach."
+_ThetaI = Annotated[str | None, _option(f"Limits of the light's angle, in degrees. {_FAR}", _GONIOMETER, "A,B")]
+_ThetaO = Annotated[str | None, _option(f"Limits of the detector's angle, in degrees. {_FAR}", _GONIOMETER, "A,B")]
 _Phi = Annotated[
     str,
     _option(
@@ -74,8 +74,8 @@ def measure(
     channels: _Channels = "R,G,B",
     out: _Out = None,
     complete: _Complete = None,
-    theta_i: _ThetaI = "0,80",
-    theta_o: _ThetaO = "0,80",
+    theta_i: _ThetaI = None,
+    theta_o: _ThetaO = None,
     phi: _Phi = "0,180",
     separation: _Separation = 5.0,
     resolution: _Resolution = 0.25,
@@ -92,18 +92,17 @@ def measure(
     statistics of 128 materials, and chooses the directions that lower the
     expected error of pictures, albedo and highlight most. Fill in the CSV, and run it again with all files.
     """
-    limits = {name: _limits(name, text) for name, text in (("theta_i", theta_i), ("theta_o", theta_o), ("phi", phi))}
+    given = (("theta_i", theta_i), ("theta_o", theta_o), ("phi", phi))
+    limits = {name: _limits(name, text) for name, text in given if text is not None}
 
     from homofact.api.measuring import measure
 
     screen = Screen(as_json, quiet)
     with screen.progress() as progress:
-        from homofact.measuring.goniometer import Goniometer
-
-        goniometer = Goniometer(
-            **limits, separation=separation, resolution=resolution, rings=rings, azimuths=azimuths, speed=speed,
-            settle=settle,
-        )  # fmt: skip
+        goniometer = limits | {
+            "separation": separation, "resolution": resolution, "rings": rings, "azimuths": azimuths, "speed": speed,
+            "settle": settle,
+        }  # fmt: skip
         found = measure(
             list(samples or []) or None, directions=directions, incidences=incidences, goniometer=goniometer, to=out,
             complete=complete, channels=tuple(name.strip() for name in channels.split(",")), stop=stop,
@@ -114,12 +113,12 @@ def measure(
             f"homofact: the material is unlike the 128 known ones: errors are {found.misfit:.1f} times as wide as usual"
         )
     if not (quiet and found.files):
-        screen.show(*_shown(found, stop, goniometer))
+        screen.show(*_shown(found, stop))
     screen.show(*(f"{file}" for file in found.files))
     screen.answer(found.record())
 
 
-def _shown(found: "MeasureResult", stop: float, goniometer: "Goniometer") -> list[Any]:
+def _shown(found: "MeasureResult", stop: float) -> list[Any]:
     count = 0 if found.samples is None else len(found.samples)
     told = found.foretold
     albedo, highlight = (
@@ -139,7 +138,7 @@ def _shown(found: "MeasureResult", stop: float, goniometer: "Goniometer") -> lis
         "highlight, part of the albedo": highlight,
         "chosen": f"{len(found.angles)} directions"
         + (f" of {len(found.incidences)} incidences" if found.incidences else "")
-        + f", θi {_between(goniometer.theta_i)}, θo {_between(goniometer.theta_o)} (--theta-i, --theta-o)",
+        + f", θi {_between(found.goniometer.theta_i)}, θo {_between(found.goniometer.theta_o)} (--theta-i, --theta-o)",
         "squared error": f"expected to fall to {found.remaining:.0%} of the present one",
         "time of moves": f"{found.seconds:.0f} s in this order"
         f" ({found.seconds_unordered:.0f} s in the order of choosing)",
@@ -149,7 +148,7 @@ def _shown(found: "MeasureResult", stop: float, goniometer: "Goniometer") -> lis
     shown: list[Any] = [
         facts_table("Where to measure next", facts),
         "Albedo and highlight are means of the channels, estimated from the samples and a prior of materials. The"
-        " limits of a fit are those of its verdict.",
+        " limits of a fit, in its verdict, may be narrower or wider.",
     ]
     if not found.files:
         shown += [f"theta_i {one:g}, theta_o {two:g}, phi {three:g}" for one, two, three in found.angles]

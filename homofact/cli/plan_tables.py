@@ -101,15 +101,16 @@ def _used(one: "Neighbour") -> str:
 
 
 def _no_better(best: "Neighbour | None", error: float) -> tuple[str, str, str]:
-    """Representation, bytes and error of a larger step that gains nothing: the best of what was tried or expected.
+    """Representation, bytes and error of a larger step that gains nothing: the best of those that were tried.
 
     `error` is that of the choice.
     """
     if best is None:
         return "no larger candidate", "–", "–"
-    gains = ("gain little", "err hardly less") if best.error < error else ("err no less", "err no less")
-    why = f"those tried {gains[1]}; best of them" if best.measured else f"not tried, expected to {gains[0]}; best"
-    return f"{why}: {best.candidate.words}", str(best.bytes), _used(best)
+    if not best.measured:
+        return "none is expected to err clearly less", "–", "–"
+    why = "those tried err hardly less" if best.error < error else "those tried err no less"
+    return f"{why}; best of them: {best.candidate.words}", str(best.bytes), _used(best)
 
 
 def evidence_table(found: "ScenePlan") -> Table:

@@ -219,10 +219,10 @@ def pair_table(pairs: "Sequence[MethodPair]") -> Table:
         "Methods split by split (lower: on how many splits the first has the lower held-out error; ratio: its error"
         " over that of the other, least to greatest)"
     )
-    add_names(table)
-    add_names(table, "against")
+    add_names(table, longest=max(len(pair.method) for pair in pairs))
+    add_names(table, "against", longest=max(len("against"), *(len(pair.other) for pair in pairs)))
     names = list(pairs[0].ratios)
-    add_figures(table, *(word for name in names for word in (f"{name.replace('_', ' ')} lower", "ratio")))
+    add_figures(table, *(word for name in names for word in (f"{name.replace('_', ' ')}\nlower", "ratio")))
     for pair, last in zip(pairs, (None, *pairs), strict=False):
         cells = []
         for name in names:

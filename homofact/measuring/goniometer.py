@@ -6,12 +6,14 @@ the detector. A move takes |angle|/speed and the settling time, for each axis th
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from homofact.brdf.pair_density import draw_lobe
+from homofact.brdf.samples import Samples
 from homofact.errors import BadInput
 from homofact.geometry.directions import draw_in_discs, from_spherical, to_spherical
 
@@ -49,6 +51,18 @@ class Goniometer:
     azimuths: float = 20.0
     speed: float = 10.0
     settle: float = 1.0
+
+    @classmethod
+    def reaching(cls, samples: Samples | None, **settings: Any) -> "Goniometer":
+        """Return one whose `theta_i` and `theta_o`, where not given, reach 80°, or as far as the samples.
+
+        Raises BadInput as the constructor.
+        """
+        if samples is not None:
+            for name, w in (("theta_i", samples.wi), ("theta_o", samples.wo)):
+                largest = math.floor(float(to_spherical(w)[0].max().rad2deg()) + _SLACK)
+                settings.setdefault(name, (0.0, max(cls.theta_o[1], float(largest))))
+        return cls(**settings)
 
     def __post_init__(self) -> None:
         """Refuse angles that no goniometer has. Raises BadInput."""

@@ -66,7 +66,9 @@ def missed_words(plan: MaterialPlan, budget: Budget, shared: bool = False) -> st
         with_margin = f" ({used.error * margin:.3g} with the margin of × {margin:g} for other views)"
         wanted.append(f"{used.kind} {limits[used.kind]:g}{where}")
         reached.append(f"{used.kind} {used.error:.3g}{with_margin if margin > 1 else ''}")
-    against = " against an interpolation of the samples" if made_of_samples(plan.fits.source.reflectance) else ""
+    of_light = any(used.kind not in UNLIT for used, _ in missed_limits(plan))
+    compared = of_light and made_of_samples(plan.fits.source.reflectance)
+    against = " against an interpolation of the samples" if compared else ""
     return (
         f"{plan.name}: no representation was found that meets {listed(wanted)}{bound_by(plan, budget, shared)};"
         f" the closest, {choice.words}, reaches {listed(reached)}{against}"

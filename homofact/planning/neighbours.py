@@ -77,18 +77,22 @@ def larger(plan: MaterialPlan) -> Neighbour | None:
 
 def _expected_above(plan: MaterialPlan) -> list[Neighbour]:
     """The representations of at most `NEAR` times the bytes that were not measured, with their expected errors."""
-    chosen, asked = plan.outcome, plan.walk.asked
+    asked, pool, channels = plan.walk.asked, _above(plan), len(plan.fits.source.samples.channels)
+    errors = expected_errors(pool, asked) if pool else []
+    return [Neighbour(rung, rung.most_bytes(channels), error, False) for rung, error in zip(pool, errors, strict=True)]
+
+
+def _above(plan: MaterialPlan) -> list[Candidate]:
+    """The representations of more, but at most `NEAR` times, the bytes of the choice that were not measured."""
+    chosen, channels = plan.outcome, len(plan.fits.source.samples.channels)
     assert chosen is not None
-    channels = len(plan.fits.source.samples.channels)
-    pool = [
+    return [
         rung
         for rung in rungs_for(plan.fits, plan.tolerance)
-        if rung not in asked
+        if rung not in plan.walk.asked
         and chosen.bytes < rung.most_bytes(channels) <= NEAR * chosen.bytes
         and _may_be_allowed(plan, rung)
     ]
-    errors = expected_errors(pool, asked) if pool else []
-    return [Neighbour(rung, rung.most_bytes(channels), error, False) for rung, error in zip(pool, errors, strict=True)]
 
 
 def best_larger(plan: MaterialPlan) -> Neighbour | None:
@@ -145,14 +149,18 @@ def sufficient(plan: MaterialPlan) -> Neighbour | None:
 def measure_larger(plan: MaterialPlan) -> None:
     """Fit and measure the larger step where it is only expected; the next one where it does not err clearly less.
 
-    First comes the representation of the next bytes that is expected to err less at all: the belief in one that errs
-    clearly less may rest on few fits. The walk of the plan gets the outcomes, and the cheapest measured rung that errs
+    First come larger models, whose fits take next to no time, then the representation of the next bytes that is
+    expected to err less at all: the belief in one that errs clearly less may rest on few fits. The walk of the plan
+    gets the outcomes, and the cheapest measured rung that errs
     clearly less is the step from then on. Where `TRIES` more fits find none, the step stays an expected one.
     """
     chosen = plan.outcome
     if plan.walk.stepped:
         return
     if chosen is not None and chosen.error > 0:
+        for one in _above(plan):
+            if one.lobes:
+                plan.walk.asked[one] = plan.ask(one)
         less = [one for one in _expected_above(plan) if one.error < chosen.error]
         if less:
             nearest = min(less, key=lambda one: (one.bytes, one.error)).candidate

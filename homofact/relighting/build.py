@@ -32,7 +32,7 @@ from homofact.scene.file_fits import FileFit, FileFits
 from homofact.scene.materials import Stage
 from homofact.scene.meshes import MeshGroup
 from homofact.scene.normal_map import SurfaceNormals
-from homofact.scene.objects import SceneObject, bounce_note, place_objects
+from homofact.scene.objects import SceneObject, bounce_note, edge_note, place_objects
 from homofact.scene.tint import SurfaceTint
 
 TimedStage = Callable[..., object]
@@ -170,7 +170,12 @@ def open_relight_scene(
         check_lamps(file.lamps, meshes, plane, file.cameras)
 
     objects, notes = place_objects(file.objects, file.ground, file.cameras, stage, fits, check, normal_maps=True)
-    notes = (*file.notes, *notes, *bounce_note(file.ground, file.bounces, "transport"))
+    notes = (
+        *file.notes,
+        *notes,
+        *bounce_note(file.ground, file.bounces, "transport"),
+        *edge_note(file.ground, file.light),
+    )
     occluder = MeshGroup([placed.mesh for placed in objects]).occluder
     if stage is not None:
         stage("looking for vertices inside other parts")

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Self, TypeVar
 
 import numpy as np
+import torch
 
 from homofact.brdf.reflectance import Reflectance
 from homofact.errors import BadInput
@@ -20,6 +21,7 @@ from homofact.meshes.gltf_parts import gltf_parts, is_gltf
 from homofact.meshes.mesh import Mesh
 from homofact.meshes.prepare import open_edges, prepared, two_sided
 from homofact.meshes.shapes import ground
+from homofact.rendering.light import EnvironmentMap
 from homofact.scene.cameras import Camera, check_point
 from homofact.scene.file_fits import FileFits
 from homofact.scene.materials import MaterialTable, OpenedMaterial, Stage, found_source, open_materials
@@ -33,6 +35,9 @@ from homofact.settings.options import option
 _BEHIND = 0.01
 # The albedo of a ground from which on its light is missed.
 _REFLECTS = 0.05
+# Half the width of a ground that reaches the horizon but for a degree, and the part of a map's mean radiance that is
+# bright.
+_WIDE, _BRIGHT_BELOW = 100.0, 0.25
 
 
 @dataclass(frozen=True)
@@ -182,6 +187,26 @@ def bounce_note(plane: GroundTable | None, bounces: int, section: str) -> tuple[
     return (
         "bounces = 0: the light that the ground reflects does not reach the objects, so parts that face the ground are"
         f" dark or black; bounces = 1 in [{section}] adds it",
+    )
+
+
+def edge_note(plane: GroundTable | None, light: EnvironmentMap) -> tuple[str, ...]:
+    """Return a line on a map that shines on the objects from below, past the edge of a ground that is not wide."""
+    if plane is None or plane.half >= _WIDE:
+        return ()
+    rows = light.radiance.shape[0]
+    polar = (torch.arange(rows, dtype=torch.float64) + 0.5) * (math.pi / rows)
+    by_row = light.radiance.double().mean((1, 2))
+    below = (polar > math.pi / 2) & (polar < math.pi / 2 + math.atan(2 / plane.half))
+    if not bool(below.any()):
+        return ()
+    size = polar.sin()
+    mean = float((by_row * size).sum() / size.sum())
+    if float((by_row * size)[below].sum() / size[below].sum()) < _BRIGHT_BELOW * mean:
+        return ()
+    return (
+        f"{light.name} is bright below its horizon too, and this light reaches the objects past the edge of the ground"
+        f" (half = {plane.half:g}): it may end in a horizontal line on them; half = {_WIDE:g} in [ground] keeps it out",
     )
 
 

@@ -107,8 +107,9 @@ def source_layer(reflectance: Reflectance, facts: Facts = (), seed: int = 0) -> 
     Raises BadInput as `source_table`.
     """
     table, samples = source_table(reflectance, seed=seed), interpolated_samples(reflectance)
+    measured = None if samples is None else samples.largest_angle
     facts = (*facts, ("Textures", f"a table, {table.size}"))
-    return Layer(SOURCE, "Source", table.glsl(SOURCE), (), facts, table, samples and samples.largest_angle)
+    return Layer(SOURCE, "Source", table.glsl(SOURCE), (), facts, table, measured)
 
 
 def viewer_html(

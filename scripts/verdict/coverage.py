@@ -85,9 +85,10 @@ def report(fits: Sequence[SimulatedFit], constants: Table) -> list[str]:
     return [
         HEAD.read_text(encoding="utf-8").strip(),
         "## The part that was reported on",
-        f"{len(judged)} fits of {len({each.fit.record['number'] for each in judged})} cases, {len(good)} of those that"
-        f" can be known good, {sum(each.fit.searched for each in judged)} searched; the table is of"
-        f" {constants.made['fits']} other fits (hash {constants.made['hash']}).",
+        f"This part has {len(judged)} fits of {len({each.fit.record['number'] for each in judged})} cases;"
+        f" {sum(each.fit.searched for each in judged)} of them are searched. Of {len(known)} the quality can be known,"
+        f" and {len(good)} of these are good. The limits and the threshold come from {constants.made['fits']} other"
+        f" fits (hash {constants.made['hash']}).",
         "### Coverage of the stated bars",
         _coverage_table(
             {

@@ -1,6 +1,7 @@
 """Saved fits of one source beside each other: on the same samples, seen by none or by all, and never of two sources."""
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -49,9 +50,30 @@ def test_errors_are_those_of_each_alone(fits: Path) -> None:
 def test_where_some_were_seen_all_samples_count(fits: Path, other: str) -> None:
     found = homofact.compare_fits([fits / "large", fits / other])
     assert found.part == "source"
+    assert found.unlike == (other,)
     assert [list(record["error"]) for record in found.records.values()] == [["source"], ["source"]]
     alone = json.loads((fits / other / "report.json").read_text())["error"]["source"]["log_mse"]
     assert found.records[other]["error"]["source"]["log_mse"] == pytest.approx(alone)
+
+
+def test_an_export_has_the_bytes_that_it_stores_and_the_held_out_samples_of_its_fit(tmp_path: Path) -> None:
+    source = tmp_path / "measured" / "paint.csv"
+    source.parent.mkdir()
+    write_csv(str(source), homofact.read(SOURCE, count=700).samples)
+    fit, export = tmp_path / "fit", tmp_path / "exports" / "engine" / "whole"
+    homofact.factorize(source, fit, homofact.McCool(size=8))
+    homofact.export(fit, export, quantize="png8")
+    # The export knows the name of its source alone, and lies elsewhere.
+    found = homofact.compare_fits([export, fit])
+    assert (found.part, found.unlike) == ("held_out", ())
+    assert list(found.records) == ["whole", "fit"]
+    assert found.records["fit"]["bytes"] == 3 * found.records["whole"]["bytes"] == found.fits["fit"].nbytes
+    other = tmp_path / "exports" / "engine" / "other"
+    shutil.copytree(export, other)
+    with refused("its source, paint.csv, is neither where it was nor"):
+        homofact.compare_fits([export, other])
+    with refused("fits: found .*whole twice, expected each once"):
+        homofact.compare_fits([export, fit, export])
 
 
 def test_of_equal_names_the_places_are_the_labels(fits: Path, tmp_path: Path) -> None:

@@ -12,6 +12,9 @@ import pytest
 import torch
 
 import homofact
+from homofact.brdf.analytic.ggx import GgxBrdf, GgxLobe
+from homofact.brdf.formats.csv import write as write_csv
+from homofact.brdf.sampling import sample_model
 from homofact.brdf.source import Source
 from homofact.errors import BadInput, Status
 from homofact.evaluation.metrics import measure
@@ -336,3 +339,19 @@ def test_the_bytes_that_a_method_had_to_fill() -> None:
     assert bytes_to_fill(made("svd", {})) is None
     # McCool's textures of two sources may be 17 × 15 and 16 × 16: both had the bytes of 16².
     assert bytes_to_fill(homofact.McCool(size=16)) == 12 * 2 * 16**2
+
+
+def test_a_model_that_errs_no_more_than_the_textures_is_named(tmp_path: Path) -> None:
+    model = GgxBrdf((0.1, 0.2, 0.3), (GgxLobe((0.5, 0.4, 0.3), 0.4, 0.05),))
+    full = sample_model(model, 400, "discs", 0)
+    file = tmp_path / "list.csv"
+    write_csv(str(file), full)
+    rough = homofact.factorize(file, tmp_path / "rough", homofact.McCool(size=4))
+    assert rough.model is not None
+    assert rough.report["model"] == {
+        "method": "ggx", "bytes": 32, "held_out": rough.model.held_out.record(),
+    }  # fmt: skip
+    assert rough.model.held_out.log_mse < rough.row.held_out.log_mse
+    # A fit without textures is a model itself, and a material has no list of samples.
+    assert homofact.factorize(file, tmp_path / "ggx", homofact.Ggx()).model is None
+    assert homofact.factorize("material:phong-10", tmp_path / "phong", homofact.McCool(size=4)).model is None

@@ -240,9 +240,21 @@ def test_a_bar_that_says_nothing_is_withdrawn() -> None:
 
 
 @pytest.mark.parametrize(
-    ("error", "words"), [(0.0, "0.1%"), (0.004, "0.4%"), (0.052, "5%"), (0.4, "40%"), (2.0, "a factor of 3")]
+    ("error", "words"),
+    [
+        (0.0, "0.1%"),
+        (0.004, "0.4%"),
+        (0.0057, "0.6%"),
+        (0.0091, "1%"),
+        (0.0147, "1.5%"),
+        (0.02, "2%"),
+        (0.052, "6%"),
+        (0.07, "7%"),
+        (0.4, "40%"),
+        (2.0, "a factor of 3"),
+    ],
 )
-def test_an_error_in_words(error: float, words: str) -> None:
+def test_a_limit_in_words_is_rounded_up(error: float, words: str) -> None:
     assert percent(error) == words
 
 

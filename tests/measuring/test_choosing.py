@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 import torch
 
-from homofact.geometry.directions import draw_in_discs
+from homofact.brdf.samples import Samples
+from homofact.geometry.directions import draw_in_discs, from_spherical
 from homofact.measuring.aims import ALBEDO_WEIGHT, HIGHLIGHT_WEIGHT, measuring_aims
 from homofact.measuring.choosing import Uncertainty, chosen_groups, chosen_rows
 from homofact.measuring.completed import CompletedBrdf
@@ -239,6 +240,16 @@ def test_the_goniometer_keeps_to_its_limits() -> None:
     assert np.allclose(single / 0.5, np.round(single / 0.5))
     assert len(np.unique(single, axis=0)) == len(single)
     assert len(Goniometer().directions()) > 1000
+
+
+def test_a_goniometer_reaches_as_far_as_the_samples_unless_it_is_told() -> None:
+    theta = torch.tensor([10.0, 60.0, 84.6]).deg2rad()
+    zero = torch.zeros(3)
+    samples = Samples(from_spherical(theta / 2, zero), from_spherical(theta, zero + 1), torch.ones(3, 3))
+    assert Goniometer.reaching(samples).theta_i == (0, 80)
+    assert Goniometer.reaching(samples).theta_o == (0, 84)
+    assert Goniometer.reaching(samples, theta_o=(5, 70), settle=2) == Goniometer(theta_o=(5, 70), settle=2)
+    assert Goniometer.reaching(None) == Goniometer()
 
 
 def test_candidates_hold_the_mirror_direction_and_its_neighbours() -> None:

@@ -1,14 +1,17 @@
 """Names in scene files: of the scene, of its materials and objects, and what a key that means nothing says."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+import torch
 from refusals import refused
 
 from homofact.editing.scene_file import read_edit_scene
 from homofact.planning.scene import read_scene
 from homofact.relighting.scene_file import RelightObjectTable, read_relight_scene
-from homofact.scene.objects import bounce_note, place_objects
+from homofact.rendering.light import EnvironmentMap
+from homofact.scene.objects import bounce_note, edge_note, place_objects
 
 PLAN = """{top}[[material]]
 source = "material:phong-30"
@@ -86,6 +89,20 @@ def test_a_key_that_edit_does_not_have_says_what_to_do(top: str, tmp_path: Path)
     file.write_text(file.read_text(encoding="utf-8") + "[edit]\n", encoding="utf-8")
     with refused("leave it out"):
         read_edit_scene(file)
+
+
+def test_a_map_that_shines_past_the_edge_of_the_ground_is_noted(tmp_path: Path) -> None:
+    file = read_relight_scene(written(tmp_path, RELIT))
+    assert file.ground is not None
+    radiance = torch.full((32, 64, 3), 0.01, dtype=torch.float64)
+    radiance[17:22] = 1.0
+    low = EnvironmentMap(radiance, name="low.hdr")
+    (line,) = edge_note(file.ground, low)
+    assert line.startswith("low.hdr is bright below its horizon too")
+    assert edge_note(None, low) == edge_note(replace(file.ground, half=100.0), low) == ()
+    # What is bright above the horizon does not count, nor what is so deep that the ground hides it.
+    assert edge_note(file.ground, EnvironmentMap(radiance.flip(0))) == ()
+    assert edge_note(file.ground, EnvironmentMap(radiance.roll(9, 0))) == ()
 
 
 def test_light_that_the_ground_would_send_is_noted_where_there_is_some(tmp_path: Path) -> None:

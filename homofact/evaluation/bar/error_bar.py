@@ -239,9 +239,8 @@ class ErrorBars:
         error = max(bar.error or 0.0 for bar in relied_on)
         angles, others = (_angles(some, self.by_angle) for some in (relied_on, extrapolated))
         found = f"{WORDS[albedo.quantity]} within {percent(error)} at {angles}"
-        errors = [bar.error or 0.0 for bar in extrapolated]
-        ends = dict.fromkeys(percent(error) for error in (min(errors), max(errors)))
-        return f"{found} (partly extrapolated at {others}: within {' to '.join(ends)})"
+        beyond = max(bar.error or 0.0 for bar in extrapolated)
+        return f"{found} (partly extrapolated at {others}: within {percent(beyond)})"
 
     def by_angle_sentence(self) -> str:
         """Return at which angles of incidence the fit is good and at which bad, in a sentence.
@@ -331,10 +330,14 @@ def _within(run: list[ErrorBar]) -> str:
 
 
 def percent(error: float) -> str:
-    """An error as a share in words, at least 0.1%, two digits at most: 0.4%, 5%, 12%; a factor if it is over 100%."""
+    """A limit as a share in words, rounded up to two digits: 0.4%, 1.5%, 5%, 12%; a factor if it is over 100%.
+
+    It is at least 0.1%. From 2% on it is whole.
+    """
     if error > 1:
         return f"a factor of {1 + error:.2g}"
-    return f"{max(error, 0.001):.1%}" if error < 0.00995 else f"{math.ceil(100 * error - 0.5):.0f}%"
+    digit = 0.1 if error < 0.02 else 1
+    return f"{math.ceil(round(100 * max(error, 0.001) / digit, 6)) * digit:.3g}%"
 
 
 # As often as they held on cases that the calibration had not seen (docs/verdict.md).

@@ -59,7 +59,7 @@ def by_incidence(samples: Samples, flux: Tensor, found: Tensor) -> tuple[tuple[f
     """Return (from, to, light of the fit over that of the samples) by θi in degrees, all channels together.
 
     At each angle of incidence where samples lie on rings that are dense enough (`brdf.quality.lit_rings`), over all
-    azimuths of the light. Else at each angle, if all have `LEAST_IN_A_BAND` samples, or by bands that have.
+    azimuths of the light. If more angles have `LEAST_IN_A_BAND` samples, all of them, at each angle; else by bands.
     """
     rows = []
     rings = lit_rings(samples)
@@ -71,14 +71,14 @@ def by_incidence(samples: Samples, flux: Tensor, found: Tensor) -> tuple[tuple[f
                 light += float(ring.weights @ found[ring.index].mean(1).to(ring.weights))
         if own > 0:
             rows.append((degrees, degrees, light / own))
-    if rows:
-        return tuple(rows)
     degrees = torch.rad2deg(to_spherical(samples.wi)[0]).round(decimals=3)
     own, fits = flux * samples.values.mean(1), flux * found.mean(1)
     angles, counts = degrees.unique(return_counts=True)
-    bands = list(pairwise(BANDS["θi"]))
-    if len(angles) <= MOST_ANGLES and int(counts.min()) >= LEAST_IN_A_BAND:
-        bands = [(angle, angle) for angle in angles.tolist()]
+    each = len(angles) <= MOST_ANGLES and int(counts.min()) >= LEAST_IN_A_BAND
+    # Rings know the light between their samples, but not all angles may have one.
+    if len(rows) >= (len(angles) if each else 1):
+        return tuple(rows)
+    rows, bands = [], [(angle, angle) for angle in angles.tolist()] if each else list(pairwise(BANDS["θi"]))
     for low, high in bands:
         inside = (degrees >= low) & (degrees < high) | (degrees == low)
         light = float(own[inside].sum())
