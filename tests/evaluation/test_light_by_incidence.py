@@ -9,6 +9,7 @@ from goniometer import steel_rings
 from judged import seen, verdict
 
 from homofact.brdf.materials import material
+from homofact.brdf.quality.lit_rings import lit_rings
 from homofact.brdf.samples import Samples
 from homofact.brdf.sampling import sample_model
 from homofact.brdf.source import source_of
@@ -34,6 +35,19 @@ def test_angles_with_samples_enough_have_rows_of_their_own() -> None:
     few = samples.select(torch.arange(100))
     rows = by_incidence(few, flux_of(few), few.values * factor[:100, None])
     assert [row[:2] for row in rows] == [(15, 30), (30, 45)]
+
+
+def test_one_dense_ring_among_other_angles_does_not_hide_them() -> None:
+    theta, phi = torch.meshgrid(torch.arange(0, 85, 8.0), torch.arange(0, 181, 12.0), indexing="ij")
+    ring = torch.stack((torch.full_like(theta, 15), theta, phi), -1).reshape(-1, 3)
+    plane = [torch.stack((torch.full((40,), each), torch.linspace(0, 75, 40), torch.full((40,), 180.0)), -1)
+             for each in (30.0, 60.0)]  # fmt: skip
+    angles = torch.cat((ring, *plane)).double().deg2rad()
+    wi, wo = from_spherical(angles[:, 0], torch.zeros(len(angles))), from_spherical(angles[:, 1], angles[:, 2])
+    samples = Samples(wi, wo, torch.ones(len(angles), 3))
+    assert len(lit_rings(samples)) == 1
+    rows = by_incidence(samples, flux_of(samples), samples.values)
+    assert [row[0] for row in rows] == pytest.approx([15, 30, 60])
 
 
 def test_each_band_has_its_own_ratio() -> None:

@@ -49,6 +49,10 @@ def test_every_missed_limit_is_named_with_what_is_reached() -> None:
 def test_what_samples_are_compared_with_is_said() -> None:
     said, of_samples = (missed_words(planned(MISSED, of_samples=each), Budget()) for each in (False, True))
     assert of_samples == f"{said} against an interpolation of the samples"
+    # The Cole error is one at held-out samples.
+    logs = Errors(reflected=0.01, delta_e=0.1, cole=2.0)
+    said, of_samples = (missed_words(planned(logs, of_samples=each), Budget()) for each in (False, True))
+    assert said == of_samples
 
 
 def test_each_limit_is_of_the_lighting_that_misses_it_most() -> None:
