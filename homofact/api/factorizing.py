@@ -46,8 +46,8 @@ class FactorizeResult:
     left_out : str
         What was not written for want of a library; empty where nothing was.
     model : FitWithErrors or None
-        A GGX model that errs no more than the fit on the held-out samples of a list; None where it errs more, or was
-        not tried.
+        A GGX model whose errors on the held-out samples of a list are smaller than those of the fit; None where they
+        are not, or none was tried.
     """
 
     folder: Path
@@ -183,7 +183,7 @@ def factorize(
 
 
 def _model_as_good(subject: "Source", row: "ComparisonRow") -> "FitWithErrors | None":
-    """A GGX model of the same split whose errors of logarithms and of values are no larger than those of textures.
+    """A GGX model of the same split whose errors of logarithms and of values are smaller than those of textures.
 
     None where there is none, for fits without textures, and for sources with more samples than a list has, for which
     it takes seconds.
@@ -199,7 +199,7 @@ def _model_as_good(subject: "Source", row: "ComparisonRow") -> "FitWithErrors | 
     except BadInput:
         return None
     own, other = row.held_out, found.held_out
-    return found if other.log_mse <= own.log_mse and other.mse <= own.mse else None
+    return found if other.log_mse < own.log_mse and other.mse < own.mse else None
 
 
 def _model_record(model: "FitWithErrors") -> dict[str, Any]:

@@ -119,7 +119,7 @@ def _show(found: ExportResult, folder: Path, engine: str | None, screen: Screen)
         stored_table(found.errors, found.part),
         Text(
             f"One evaluation: {counted(cost.fetches, 'fetch')}, {cost.total} operations ({cost.scalar} if each"
-            f" component of a vector counts), {cost.nbytes} bytes of graphics memory."
+            f" component of a vector counts), {cost.nbytes} bytes of textures in graphics memory."
         ),
         Text(_noise_line(found.noise)),
         *(Text(part.sentence()) for part in (found.prefiltered, found.light) if part is not None),

@@ -47,7 +47,7 @@ _Complete = Annotated[
     Path | None,
     _option("File for the completed material, as samples for homofact factorize.", None, "FILE.csv", False),
 ]
-_FAR = "Default: 0,80, or as far as the samples reach."
+_FAR = "Default: 0,80, or farther if the samples reach farther."
 _ThetaI = Annotated[str | None, _option(f"Limits of the light's angle, in degrees. {_FAR}", _GONIOMETER, "A,B")]
 _ThetaO = Annotated[str | None, _option(f"Limits of the detector's angle, in degrees. {_FAR}", _GONIOMETER, "A,B")]
 _Phi = Annotated[
@@ -147,8 +147,8 @@ def _shown(found: "MeasureResult", stop: float) -> list[Any]:
     }
     shown: list[Any] = [
         facts_table("Where to measure next", facts),
-        "Albedo and highlight are means of the channels, estimated from the samples and a prior of materials. The"
-        " limits of a fit, in its verdict, may be narrower or wider.",
+        "Albedo and highlight are means of the channels, estimated from the samples and a prior of 128 materials. The"
+        " verdict of a fit knows no prior: its limits may be narrower or wider, and it may ask for more directions.",
     ]
     if not found.files:
         shown += [f"theta_i {one:g}, theta_o {two:g}, phi {three:g}" for one, two, three in found.angles]

@@ -83,7 +83,7 @@ def step_table(found: "ScenePlan") -> Table | None:
         for step, one in steps:
             if one is None:
                 if step == "larger" and each.outcome is not None and each.outcome.error > 0:
-                    table.add_row(name, step, *_no_better(best_larger(each), each.outcome.error))
+                    table.add_row(name, step, *_no_better(each, best_larger(each)))
                 continue
             words = one.candidate.words
             if one == enough:
@@ -100,17 +100,20 @@ def _used(one: "Neighbour") -> str:
     return part_of_limit(one.error) if one.measured else f"about {part_of_limit(one.error)}"
 
 
-def _no_better(best: "Neighbour | None", error: float) -> tuple[str, str, str]:
-    """Representation, bytes and error of a larger step that gains nothing: the best of those that were tried.
-
-    `error` is that of the choice.
-    """
+def _no_better(plan: "MaterialPlan", best: "Neighbour | None") -> tuple[str, str, str]:
+    """Representation, bytes and error of a larger step that gains nothing: the best of those that were tried."""
     if best is None:
         return "no larger candidate", "–", "–"
     if not best.measured:
         return "none is expected to err clearly less", "–", "–"
-    why = "those tried err hardly less" if best.error < error else "those tried err no less"
-    return f"{why}; best of them: {best.candidate.words}", str(best.bytes), _used(best)
+    assert plan.outcome is not None
+    tried = sum(answer.bytes > plan.outcome.bytes for answer in plan.walk.asked.values())
+    less = "hardly less" if best.error < plan.outcome.error else "no less"
+    if tried == 1:
+        words = f"{best.candidate.words}, errs {less}; no other is expected to err clearly less"
+    else:
+        words = f"the {tried} tried err {less}; best of them: {best.candidate.words}"
+    return words, str(best.bytes), _used(best)
 
 
 def evidence_table(found: "ScenePlan") -> Table:

@@ -22,7 +22,7 @@ from homofact.errors import BadInput
 from homofact.evaluation.chart_ledger import ChartRow
 from homofact.evaluation.chart_points import ChartPoint, points_of, reference
 from homofact.evaluation.wording import listed_seeds, of_repeats
-from homofact.figures.chart_panel import FETCHES, FRONT_COLOUR, KIBIBYTES, SECONDS, Look, Panel, share_axis
+from homofact.figures.chart_panel import BYTES, FETCHES, FRONT_COLOUR, SECONDS, Look, Panel, share_axis
 from homofact.figures.words import in_figure
 from homofact.files.atomic import write_bytes
 
@@ -74,7 +74,7 @@ def cost_chart(rows: Sequence[ChartRow]) -> Figure:
     """Held-out Cole error against the bytes of the textures, and against the fetches of an evaluation."""
     figure = Figure(figsize=(14, 7))
     left, right = figure.subplots(1, 2)
-    panels = [Panel(left, _points(rows), KIBIBYTES), Panel(right, _points(rows), FETCHES)]
+    panels = [Panel(left, _points(rows), BYTES), Panel(right, _points(rows), FETCHES)]
     _finish(figure, rows, "error against the cost of evaluation", panels)
     return figure
 

@@ -16,6 +16,7 @@ from homofact.figures.point_labels import PointLabel, label_points
 # A series' colour, shape, and the shape's width in points.
 Look = tuple[str, str, float]
 FRONT_COLOUR = "#999999"
+_MOST_POWERS = 7  # of two beside one axis
 _Place = tuple[float, float]
 
 
@@ -30,6 +31,7 @@ class CostAxis:
     of: Callable[[ChartPoint], Spread]
     ticks: Callable[[float, float, Sequence[float]], list[float]]
     logarithmic: bool = True
+    label: Callable[[float], str] = plain_number
 
     def ends(self, costs: Sequence[Spread]) -> tuple[float, float]:
         """Return the left and the right end of the axis, with room beside the points."""
@@ -41,12 +43,20 @@ class CostAxis:
 
 
 def _doubling(low: float, high: float, _: Sequence[float]) -> list[float]:
-    return [2.0**k for k in range(-12, 25) if low <= 2.0**k <= high] or round_ticks(low, high)
+    powers = [2.0**k for k in range(35) if low <= 2.0**k <= high]
+    return powers[:: 1 + len(powers) // _MOST_POWERS] or round_ticks(low, high)
+
+
+def _bytes(value: float) -> str:
+    return f"{value:.0f}" if value < 1024 else f"{plain_number(value / 1024)}K"
 
 
 SECONDS = CostAxis("fitting time [s]", lambda point: point.seconds, lambda low, high, _: round_ticks(low, high))
-KIBIBYTES = CostAxis(
-    "textures as float32 [KiB]", lambda point: Spread.of(row.bytes / 1024 for row in point.rows), _doubling
+BYTES = CostAxis(
+    "bytes, texels as float32 (1K = 1024)",
+    lambda point: Spread.of(float(row.bytes) for row in point.rows),
+    _doubling,
+    label=_bytes,
 )
 FETCHES = CostAxis(
     "texture fetches of one evaluation",
@@ -85,7 +95,7 @@ class Panel:
         log_y(axes, *limits)
         axes.set_xscale("log" if self.cost.logarithmic else "linear")
         axes.set_xlim(left, right)
-        set_ticks(axes.xaxis, self.cost.ticks(left, right, [cost.mean for cost in costs]))
+        set_ticks(axes.xaxis, self.cost.ticks(left, right, [cost.mean for cost in costs]), self.cost.label)
         axes.set_xlabel(self.cost.words)
         axes.grid(color="#eeeeee", linewidth=0.8, zorder=0)
         axes.set_axisbelow(True)

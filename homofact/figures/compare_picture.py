@@ -157,8 +157,9 @@ def compare_picture(
         end = page.text(words, _GAP + 2 * LINE + 8, end, page.width - 3 * _GAP - 2 * LINE)
     page.text(
         f"Right of each fit: (fit − source) / (source + {FLOOR:.0%} of white) in luminance; red is too bright, blue too"
-        " dark, grey is unlit. One scale for all, with lines at ±1% and ±10%, and below it the range that holds"
-        f" {HELD:.0%} of the pixels. Linear sRGB, white point D65.",
+        " dark, grey is unlit. All differences have one scale, with lines at ±1% and ±10%, and below it the range that"
+        f" holds {HELD:.0%} of the pixels. The charts of error bars have scales of their own. Linear sRGB, white point"
+        " D65.",
         _GAP,
         end,
         page.width - 2 * _GAP,

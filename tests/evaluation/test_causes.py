@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from homofact.cli.verdicts import cause_lines, where_lines
-from homofact.evaluation.bar.causes import WORDS, causes, causes_in_words, gap_in_words
+from homofact.evaluation.bar.causes import WORDS, causes, causes_in_words, gap_in_words, lacks_measurements
 from homofact.evaluation.bar.error_bar import BarKind, ErrorBar, ErrorBars
 from homofact.evaluation.bar.features import FEATURES, OF_QUANTITY
 from homofact.evaluation.bar.table import LinearModel, table
@@ -130,3 +130,10 @@ def test_a_figure_on_the_good_side_of_the_usual_one_is_no_cause() -> None:
     assert [name for name, *_ in causes(own, {"apart": -4.0, "samples": 3.0, "reciprocity": -4.0})] == [
         "samples", "reciprocity",
     ]  # fmt: skip
+
+
+def test_a_lack_of_measurements_is_told_from_errors() -> None:
+    model = table().warning
+    usual = {name: mean for name, (_, mean, _, _) in model.columns.items()}
+    assert lacks_measurements(model, usual | {"highest": usual["highest"] + 1.5})
+    assert not lacks_measurements(model, usual | {"misplaced": usual["misplaced"] + 1.5})

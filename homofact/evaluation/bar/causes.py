@@ -22,6 +22,8 @@ _SAME = {
 
 # The setting that removes a cause.
 _ADVICE = {"reciprocity": f"a fit with {Advice('reciprocal', True)} has none"}
+# Figures of what was not measured, by which a fit that is right wherever it was measured resembles bad ones.
+_UNMEASURED = {"unmeasured", "unresolved", "rising", "innermost", "samples", "effective", "highest"}
 # A figure below the usual one is a cause of these alone; of the others that would be no reason to anyone.
 _LESS_IS_WORSE = {"samples", "effective"}
 _EITHER_WAY = {"contrast"}
@@ -99,6 +101,11 @@ def causes(model: LinearModel, features: Mapping[str, float]) -> list[tuple[str,
     raised = sorted(((parts[name], name) for name in bad if parts[name] > 0), reverse=True)
     kept = [each for each in raised[:_MOST] if each[0] >= _WORTH] or raised[:1]
     return [(name, part, times[name]) for part, name in kept]
+
+
+def lacks_measurements(model: LinearModel, features: Mapping[str, float]) -> bool:
+    """Return whether all main causes are a lack of measurements."""
+    return {name for name, *_ in causes(model, features)} <= _UNMEASURED
 
 
 def causes_in_words(model: LinearModel, features: Mapping[str, float]) -> str:

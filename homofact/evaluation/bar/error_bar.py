@@ -118,7 +118,10 @@ class ErrorBar:
 
     def between(self) -> str:
         """Return what the source has over what the fit has: "0.95 to 1.05"; of a withdrawn one "unknown"."""
-        return "unknown" if self.low is None or self.high is None else f"{self.low:.3g} to {self.high:.3g}"
+        if self.low is None or self.high is None:
+            return "unknown"
+        form = ".3f" if self.high < 1.1 else ".3g"
+        return f"{self.low:{form}} to {self.high:{form}}"
 
     def record(self) -> dict[str, Any]:
         """Return a JSON-able dictionary."""

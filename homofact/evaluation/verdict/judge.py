@@ -15,7 +15,7 @@ from homofact.brdf.samples import Samples
 from homofact.errors import Report
 from homofact.evaluation.appearance import Appearance
 from homofact.evaluation.artefacts.look import Look
-from homofact.evaluation.bar.causes import causes_in_words
+from homofact.evaluation.bar.causes import causes_in_words, lacks_measurements
 from homofact.evaluation.bar.error_bar import GOOD, percent
 from homofact.evaluation.bar.features import features_of
 from homofact.evaluation.bar.stating import measured_bars, stated_bars, withdrawn_bars
@@ -59,7 +59,8 @@ def judge(
         return Verdict(report.status, measured_bars(seen), measured_alarm(seen), figures, ordered(findings), look)
     constants = table()
     features = features_of(figures, odds, "albedo")
-    alarm = Alarm(constants.score(features), constants.threshold, causes_in_words(constants.warning, features))
+    why, lacking = (each(constants.warning, features) for each in (causes_in_words, lacks_measurements))
+    alarm = Alarm(constants.score(features), constants.threshold, str(why), bool(lacking))
     doubt = doubt_of(odds, alarm)
     bars = stated_bars(figures, odds, constants, doubt) if train.isotropic else withdrawn_bars(figures, _ANISOTROPIC)
     stated = bars.bars[0].reason != _ANISOTROPIC
@@ -94,7 +95,9 @@ def doubt_of(odds: Mapping[str, float], alarm: Alarm) -> str:
     """Why the error bars are those of faulty samples, as a clause: "" where nothing speaks against the samples."""
     if odds:
         return f"the samples look faulty ({', '.join(odds)})"
-    return "the fit has errors typical of bad fits" if alarm.given else ""
+    if not alarm.given:
+        return ""
+    return "too little was measured" if alarm.lacking else "the fit has errors typical of bad fits"
 
 
 def _costed(finding: Finding, figures: Figures, odds: Mapping[str, float], constants: Table, doubted: bool) -> Finding:

@@ -21,11 +21,13 @@ class Alarm:
         the logarithms explained. 0 or 1 if it was measured against the source.
     threshold : the score from which on the verdict warns.
     why : what raises the score most, in words; "" where nothing does.
+    lacking : whether this is only a lack of measurements.
     """
 
     score: float
     threshold: float
     why: str = ""
+    lacking: bool = False
 
     @property
     def given(self) -> bool:
