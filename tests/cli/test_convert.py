@@ -280,6 +280,7 @@ def test_parts_done_are_told_and_rise(tmp_path: Path) -> None:
     assert 0.5 <= shares[-1] < 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("even", [True, False])
 def test_the_light_between_samples_is_told(even: bool, tmp_path: Path) -> None:
     samples = steel_rings(steps=(5, 15))

@@ -26,7 +26,7 @@ def test_findings_follow_the_sentence_as_such() -> None:
     # The second has what was measured.
     said, light = page._verdict({"verdict": sound.record()})
     assert said == ("Verdict", sound.summary)
-    assert light[1] == "5°: 1 to 1"
+    assert light[1] == "5°: 1.000 to 1.000"
     assert findings_named([]) == ""
     assert findings_named(["artefact", "light", "artefact"]) == " (findings: artefact, light)"
 
