@@ -140,7 +140,8 @@ def _compare_fits(settings: "Config", screen: Screen) -> None:
     with screen.progress() as progress:
         found = compare_fits(asked.sources, on=on, metrics=asked.metrics, plot=asked.plot, progress=progress)
     if on is not None:
-        screen.note(f"homofact: the errors are on all samples of {found.source}; a fit of them has seen most of them")
+        seen = "a fit to this file itself has seen most of them"
+        screen.note(f"homofact: the errors are on all samples of {found.source}; {seen}")
     elif found.part == "source":
         screen.note(
             f"homofact: the held-out samples of {listed(found.unlike)} are unknown or others than those of"

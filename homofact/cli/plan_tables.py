@@ -6,7 +6,7 @@ from rich.table import Table
 from rich.text import Text
 
 from homofact.cli.layout import add_figures, add_names, plain_table
-from homofact.evaluation.wording import counted, figure, part_of_limit
+from homofact.evaluation.wording import brief_figure, counted, figure, part_of_limit
 from homofact.planning.tolerance import WORDS
 
 if TYPE_CHECKING:
@@ -110,7 +110,7 @@ def _no_better(plan: "MaterialPlan", best: "Neighbour | None") -> tuple[str, str
     tried = sum(answer.bytes > plan.outcome.bytes for answer in plan.walk.asked.values())
     less = "hardly less" if best.error < plan.outcome.error else "no less"
     if tried == 1:
-        words = f"{best.candidate.words}, errs {less}; no other is expected to err clearly less"
+        words = f"{best.candidate.words}, errs {less}; all others are expected to gain little"
     else:
         words = f"the {tried} tried err {less}; best of them: {best.candidate.words}"
     return words, str(best.bytes), _used(best)
@@ -124,9 +124,7 @@ def evidence_table(found: "ScenePlan") -> Table:
     add_names(table, longest=max(len(name_of(each)) for each in found.materials))
     several = len(found.materials[0].judges) > 1
     if several:
-        table.add_column(
-            "under", no_wrap=True, min_width=max(len(each.lighting.name) for each in found.materials[0].judges)
-        )
+        table.add_column("under", overflow="fold", min_width=8)
     add_figures(table, "order", "terms", "reflected", "ΔE", "p95", "peak", "cole")
     for each in found.materials:
         for k, (judge, order) in enumerate(zip(each.judges, each.needed_orders, strict=True)):
@@ -136,7 +134,7 @@ def evidence_table(found: "ScenePlan") -> Table:
             if each.errors:
                 errors = each.errors[k]
                 kinds = ("reflected", "delta_e", "delta_e_p95", "delta_e_peak", "cole")
-                row += [figure(errors.of(kind)) for kind in kinds]
+                row += [brief_figure(errors.of(kind)) for kind in kinds]
             else:
                 row += ["–"] * 5
             table.add_row(*row)

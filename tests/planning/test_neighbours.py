@@ -167,7 +167,7 @@ def test_the_table_of_steps_names_it_in_figures(monkeypatch: pytest.MonkeyPatch)
         return [str(cell) for column in table.columns for cell in list(column.cells)[-1:]][1:]
 
     assert lines({SMALL: 1.5, CHOSEN: 0.7, LARGE: 0.8}) == [
-        "larger", "1 texture of 16², 8 bits (search), errs no less; no other is expected to err clearly less", "768",
+        "larger", "1 texture of 16², 8 bits (search), errs no less; all others are expected to gain little", "768",
         "80%",
     ]  # fmt: skip
     # What was not tried has no figures.
