@@ -185,14 +185,14 @@ def factorize(
 def _model_as_good(subject: "Source", row: "ComparisonRow") -> "FitWithErrors | None":
     """A GGX model of the same split whose errors of logarithms and of values are smaller than those of textures.
 
-    None where there is none, for fits without textures, and for sources with more samples than a list has, for which
+    None where there is none, for fits without textures or of all samples, and for sources that are no list, for which
     it takes seconds.
     """
     from homofact.brdf.scattered import made_of_samples
     from homofact.evaluation.compare import fit_baseline
     from homofact.methods.models import Ggx
 
-    if not row.factorization.textures or not made_of_samples(subject.reflectance):
+    if not (row.factorization.textures and row.split.held_out and made_of_samples(subject.reflectance)):
         return None
     try:
         found = fit_baseline(subject, row.split, Ggx(epsilon=row.factorization.transform.epsilon))

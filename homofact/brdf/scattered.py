@@ -215,6 +215,12 @@ def made_of_samples(reflectance: Reflectance) -> bool:
     return getattr(innermost(reflectance), "of_samples", False)
 
 
+def models_the_rest(reflectance: Reflectance) -> bool:
+    """Return whether it interpolates scattered samples and follows a model beyond them, looking through as well."""
+    inner = innermost(reflectance)
+    return isinstance(inner, Scattered) and inner.follows_model
+
+
 def interpolated_samples(reflectance: Reflectance) -> Samples | None:
     """The samples that it interpolates, looking through luminance and single channels; None where it does not."""
     inner = innermost(reflectance)

@@ -228,13 +228,10 @@ def grade_lines(opinions: "Sequence[tuple[str, Opinion | None]]") -> list[str]:
 
 def _reference_lines(found: "ScenePlan") -> list[str]:
     """For which materials the reference follows a GGX model beyond the samples, and what this hides."""
-    from homofact.brdf.scattered import Scattered
+    from homofact.brdf.scattered import models_the_rest
 
-    modelled = []
-    for each in found.distinct:
-        reflectance = each.fits.source.reflectance
-        if each.tolerance.of_light and isinstance(reflectance, Scattered) and reflectance.follows_model:
-            modelled.append(each)
+    lit = [each for each in found.distinct if each.tolerance.of_light]
+    modelled = [each for each in lit if models_the_rest(each.fits.source.reflectance)]
     if not modelled:
         return []
     line = (

@@ -289,7 +289,7 @@ def chart_table(
         luck = _under(record["spread"]["error"]["held_out"]["log_mse"]) if "spread" in record else ""
         table.add_row(
             Text(series_name(record["label"], record["search"])),
-            f"{record['textures']} × {record['size']}²" if record["size"] else "–",
+            _texels(record) or "–",
             Text(figure(held), "bold"),
             *((luck,) if spread else ()),
             *((on_splits,) if several else ()),
@@ -298,6 +298,10 @@ def chart_table(
             f"{record['seconds']['fit']:.3g}",
         )
     return table
+
+
+def _texels(record: Mapping[str, Any]) -> str:
+    return f"{record['textures']} × {record['size']}²" if record["size"] else ""
 
 
 def chart_endings(records: Sequence[Mapping[str, Any]]) -> list[str]:
@@ -309,8 +313,8 @@ def chart_endings(records: Sequence[Mapping[str, Any]]) -> list[str]:
     for record in records:
         status = str(record["status"])
         if not set(status.split(", ")) <= usual:
-            size = f" {record['textures']} × {record['size']}²" if record["size"] else ""
-            odd.append(f"{series_name(record['label'], record['search'])}{size}: {status}")
+            name = f"{series_name(record['label'], record['search'])} {_texels(record)}".rstrip()
+            odd.append(f"{name}: {status}")
     return [f"How fits ended that did not all converge: {'; '.join(odd)}."] if odd else []
 
 

@@ -352,6 +352,9 @@ def test_a_model_that_errs_no_more_than_the_textures_is_named(tmp_path: Path) ->
         "method": "ggx", "bytes": 32, "held_out": rough.model.held_out.record(),
     }  # fmt: skip
     assert rough.model.held_out.log_mse < rough.row.held_out.log_mse
+    # Without held-out samples nothing tells which is better.
+    whole = homofact.factorize(file, tmp_path / "whole", homofact.McCool(size=4), held_out=0)
+    assert whole.model is None
     # A fit without textures is a model itself, and a material has no list of samples.
     assert homofact.factorize(file, tmp_path / "ggx", homofact.Ggx()).model is None
     assert homofact.factorize("material:phong-10", tmp_path / "phong", homofact.McCool(size=4)).model is None

@@ -252,6 +252,8 @@ def test_a_bar_that_says_nothing_is_withdrawn() -> None:
         (0.07, "7%"),
         (0.4, "40%"),
         (2.0, "a factor of 3"),
+        (1.24, "a factor of 2.3"),
+        (10.2, "a factor of 12"),
     ],
 )
 def test_a_limit_in_words_is_rounded_up(error: float, words: str) -> None:

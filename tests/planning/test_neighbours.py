@@ -167,11 +167,17 @@ def test_the_table_of_steps_names_it_in_figures(monkeypatch: pytest.MonkeyPatch)
         return [str(cell) for column in table.columns for cell in list(column.cells)[-1:]][1:]
 
     assert lines({SMALL: 1.5, CHOSEN: 0.7, LARGE: 0.8}) == [
-        "larger", "1 texture of 16², 8 bits (search), errs no less; all others are expected to gain little", "768",
-        "80%",
+        "larger",
+        "1 texture of 16², 8 bits (search), errs no less; others of up to 16 × the bytes are expected to gain little",
+        "768", "80%",
     ]  # fmt: skip
     # What was not tried has no figures.
-    assert lines({SMALL: 1.5, CHOSEN: 0.7}) == ["larger", "none is expected to err clearly less", "–", "–"]
+    assert lines({SMALL: 1.5, CHOSEN: 0.7}) == [
+        "larger",
+        "none of up to 16 × the bytes is expected to err clearly less",
+        "–",
+        "–",
+    ]
     last = max(ladder(), key=lambda rung: rung.most_bytes(3))
     assert lines({SMALL: 1.5, last: 0.7}, last) == ["larger", "no larger candidate", "–", "–"]
 

@@ -333,14 +333,18 @@ def _within(run: list[ErrorBar]) -> str:
 
 
 def percent(error: float) -> str:
-    """A limit as a share in words, rounded up to two digits: 0.4%, 1.5%, 5%, 12%; a factor if it is over 100%.
+    """A limit as a share in words, rounded up: 0.4%, 1.5%, 5%, 12%; a factor of two digits if it is over 100%.
 
     It is at least 0.1%. From 2% on it is whole.
     """
     if error > 1:
-        return f"a factor of {1 + error:.2g}"
-    digit = 0.1 if error < 0.02 else 1
-    return f"{math.ceil(round(100 * max(error, 0.001) / digit, 6)) * digit:.3g}%"
+        return f"a factor of {_up(1 + error, 10 ** (math.floor(math.log10(1 + error)) - 1)):.2g}"
+    return f"{_up(100 * max(error, 0.001), 0.1 if error < 0.02 else 1):.3g}%"
+
+
+def _up(value: float, step: float) -> float:
+    """The next multiple of a step, without the last digits of floats."""
+    return math.ceil(round(value / step, 6)) * step
 
 
 # As often as they held on cases that the calibration had not seen (docs/verdict.md).

@@ -59,8 +59,9 @@ def judge(
         return Verdict(report.status, measured_bars(seen), measured_alarm(seen), figures, ordered(findings), look)
     constants = table()
     features = features_of(figures, odds, "albedo")
-    why, lacking = (each(constants.warning, features) for each in (causes_in_words, lacks_measurements))
-    alarm = Alarm(constants.score(features), constants.threshold, str(why), bool(lacking))
+    model = constants.warning
+    why, lacking = causes_in_words(model, features), lacks_measurements(model, features)
+    alarm = Alarm(constants.score(features), constants.threshold, why, lacking)
     doubt = doubt_of(odds, alarm)
     bars = stated_bars(figures, odds, constants, doubt) if train.isotropic else withdrawn_bars(figures, _ANISOTROPIC)
     stated = bars.bars[0].reason != _ANISOTROPIC
