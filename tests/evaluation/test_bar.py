@@ -254,6 +254,7 @@ def test_a_bar_that_says_nothing_is_withdrawn() -> None:
         (2.0, "a factor of 3"),
         (1.24, "a factor of 2.3"),
         (10.2, "a factor of 12"),
+        (math.inf, "an infinite factor"),
     ],
 )
 def test_a_limit_in_words_is_rounded_up(error: float, words: str) -> None:

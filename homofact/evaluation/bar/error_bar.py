@@ -337,6 +337,8 @@ def percent(error: float) -> str:
 
     It is at least 0.1%. From 2% on it is whole.
     """
+    if math.isinf(error):
+        return "an infinite factor"
     if error > 1:
         return f"a factor of {_up(1 + error, 10 ** (math.floor(math.log10(1 + error)) - 1)):.2g}"
     return f"{_up(100 * max(error, 0.001), 0.1 if error < 0.02 else 1):.3g}%"
