@@ -120,12 +120,12 @@ class EvaluateSettings(_Checked):
 class CompareSettings(_Checked):
     """What is fitted by which methods side by side: `methods` to each of `sources`, or to the one of [source].
 
-    A method is a name, `mccool:` and fixed projections joined with "+" (`mccool:theta_h-theta_d+wi`), or `ggx:` and a
-    number of lobes. `plot` is the figure's file, where one is wanted. `metrics` names what they are measured by: six,
-    all, or single metrics; `csv` and `latex` are files for their means and standard deviations over sources and seeds,
-    and with `by_source` the LaTeX table also has rows for each source. Saved fits in `sources` are compared on the
-    measurement `on` where one is named. With the folder `chart`, each source is fitted
-    by methods × `textures` × `size` × `search` instead. McCool's fixed lists take neither counts nor searches, and only
+    A method is a name, `mccool:` and fixed projections joined with "+" (`mccool:theta_h-theta_d+wi`), `ggx:` and a
+    number of lobes, or `svd:` and coordinates. `plot` is the figure's file, where one is wanted. `metrics` names what
+    they are measured by: six, all, or single metrics; `csv` and `latex` are files for their means and standard
+    deviations over sources and seeds, and with `by_source` the LaTeX table also has rows for each source. Saved fits in
+    `sources` are compared on the measurement `on` where one is named. With the folder `chart`, each source is fitted by
+    methods × `textures` × `size` × `search` instead. McCool's fixed lists take neither counts nor searches, and only
     `search` takes searches.
     """
 
@@ -135,7 +135,7 @@ class CompareSettings(_Checked):
     methods: tuple[str, ...] = option(
         COMPARED,
         f"Methods, separated by commas ({', '.join((*METHODS, *MODELS_BY_NAME))}); mccool:A+B uses the fixed"
-        " projections A and B, ggx:2 two lobes",
+        " projections A and B, ggx:2 two lobes, svd:half-diff other coordinates",
         expected_instead=_several,
     )
     plot: str | None = option(None, "Draw the errors (.png, .pdf, .svg)", metavar="FILE")

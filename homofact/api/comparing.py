@@ -49,7 +49,8 @@ def compare(
     source : source, path, or list of these
         The source to fit, as for `fit`. For several sources, there are means and standard deviations too.
     methods : sequence of str or Method, or dict, optional
-        Methods by name ("mccool:theta_h-theta_d+wi" has fixed projections, "ggx:2" two lobes), as objects, or as
+        Methods by name ("mccool:theta_h-theta_d+wi" has fixed projections, "ggx:2" two lobes,
+        "svd:half-diff" other coordinates), as objects, or as
         objects by label.
     held_out : float, optional
         The part of the samples that is held out of the fits.

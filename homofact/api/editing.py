@@ -271,10 +271,11 @@ def _above_tolerance(parts: "tuple[PartError, ...]", tolerance: float) -> list[s
     if not over:
         return []
     worst = max(over, key=lambda part: part.error)
+    more = f"; the tolerance is exceeded in {counted(len(over), 'part')}" if len(over) > 1 else ""
     return [
-        f"the low rank of {counted(len(over), 'part')} errs by more than the tolerance of {tolerance:.2%}, at most by"
-        f" {worst.error:.2%} ({worst.material}, {worst.words}, rank {worst.rank}): the rank was chosen by some of the"
-        " pixels and is limited, the error is that of the worst of several edits on all pixels"
+        f"pictures of edits may be off by {worst.error:.2%} ({worst.material}, {worst.words}; relative RMS of the worst"
+        f" of several trial edits), more than the tolerance of {tolerance:.2%}: the low-rank approximation"
+        f" stores {worst.rank} numbers per pixel there{more}"
     ]
 
 

@@ -344,7 +344,6 @@ def _report(
                 "expected_error_of_terms": made.factors.expected_error,
                 "coefficients_per_vector": made.mean_kept,
                 "bytes": relit.nbytes,
-                "bytes_unclustered": made.nbytes + made.factors.view.nbytes,
                 "error": None if error is None else error.record(),
             }
         )

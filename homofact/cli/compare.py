@@ -86,7 +86,11 @@ def compare(
     repeat fits that are already in the CSV.
     """
     asked = settings.compare
-    if asked.sources and all(RESULT.is_at(Path(place)) or EXPORT.is_at(Path(place)) for place in asked.sources):
+    others = [place for place in asked.sources if not (RESULT.is_at(Path(place)) or EXPORT.is_at(Path(place)))]
+    missing = [place for place in others if not (place.startswith("material:") or Path(place).exists())]
+    if missing and len(others) < len(asked.sources):
+        raise BadInput(where=missing[0], found="no such folder", expected="the folder of a fit, since others are given")
+    if asked.sources and not others:
         made_anew = {"seeds": seeds != "1", "splits": splits != 1, "strict": bool(strict), "refuse": bool(refuse)}
         made_anew |= {name: getattr(asked, name) is not None for name in ("chart", "csv", "latex")}
         for name in (name for name, given in made_anew.items() if given):

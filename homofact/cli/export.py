@@ -153,7 +153,12 @@ def _next_line(folder: Path, engine: str | None, files: Sequence[str], fetches: 
 def _warnings(found: ExportResult) -> list[str]:
     """What to beware of."""
     verdict = found.verdict
-    why = found.caution if found.source_found else f"no error on samples: {found.caution}; --source names it"
+    why = found.caution
+    if not found.source_found:
+        from homofact.evaluation.reopening import OF_EDITED
+
+        hint = "" if found.caution == OF_EDITED else "; name it by --source"
+        why = f"errors on samples are not measured: {found.caution}{hint}"
     told = [
         f"read the verdict before you ship: {verdict['summary']}" if verdict and _is_doubted(found) else "",
         "" if found.likeness is None else found.likeness.warning_of(found.prefiltered is not None),

@@ -105,16 +105,19 @@ def _no_better(plan: "MaterialPlan", best: "Neighbour | None") -> tuple[str, str
     from homofact.planning.neighbours import NEAR
 
     if best is None:
-        return "no larger candidate", "–", "–"
+        return "nothing: there is no larger candidate", "–", "–"
     if not best.measured:
-        return f"none of up to {NEAR} × the bytes is expected to err clearly less", "–", "–"
+        return f"nothing: no candidate of up to {NEAR} × the bytes is expected to err clearly less", "–", "–"
     assert plan.outcome is not None
     tried = sum(answer.bytes > plan.outcome.bytes for answer in plan.walk.asked.values())
     less = "hardly less" if best.error < plan.outcome.error else "no less"
     if tried == 1:
-        words = f"{best.candidate.words}, errs {less}; others of up to {NEAR} × the bytes are expected to gain little"
+        words = (
+            f"nothing: {best.candidate.words}, was tried and errs {less}, and others of up to {NEAR} × the bytes are"
+            " expected to gain little"
+        )
     else:
-        words = f"the {tried} tried err {less}; best of them: {best.candidate.words}"
+        words = f"nothing: {tried} were tried and err {less}, the best of them {best.candidate.words}"
     return words, str(best.bytes), _used(best)
 
 

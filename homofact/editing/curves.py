@@ -8,6 +8,7 @@ its value at the centre (appendix B). So a narrow peak that moves by less than a
 smoothly. `band_deviation` measures the difference between the curve and its bands.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
@@ -121,6 +122,20 @@ class Bands:
     def at(self, gamma: Tensor) -> Tensor:
         """Return values (N, C) at angles (N,) in radians."""
         return self.values.to(gamma)[band_of(gamma, self.count, self.finer)]
+
+
+def widened(curve: Bands, factor: float) -> Bands:
+    """Return the curve with its angles times `factor`, straight lines between the middles of bands.
+
+    Above 1 it makes a highlight wider, below 1 narrower; its height stays. Raises BadInput unless factor > 0.
+    """
+    if not (math.isfinite(factor) and factor > 0):
+        raise BadInput(where="factor", found=factor, expected="a number above 0")
+    middles = (torch.arange(curve.count, dtype=torch.float64) + 0.5) / curve.count
+    gamma = RIGHT_ANGLE * (middles**2 if curve.finer else middles)
+    place = (band_place(gamma / factor, curve.count, curve.finer) - 0.5).clamp(0, curve.count - 1)
+    low = place.floor().to(torch.int64).clamp_max(curve.count - 2)
+    return Bands(torch.lerp(curve.values[low], curve.values[low + 1], (place - low)[:, None]), curve.finer)
 
 
 def band_place(gamma: Tensor, count: int, finer: bool = False) -> Tensor:

@@ -54,10 +54,14 @@ class EditedFit:
         if self.row is None:
             ways = " and ".join(dict.fromkeys(each.way for each in self.applied))
             made = f"changed in the textures of the fit ({ways})"
-            of = "the edited fit with a step at each band; the error of the fit before the edit comes on top"
+            of = "the edited fit"
+            if len(self.applied) == 1:
+                of = f"the edit with a smooth curve, {self.rms:.2%} with a step at each band as in the edit's pictures"
+            of += "; the error of the fit before the edit comes on top"
         else:
             made, of = "fitted again", "the edited material"
-        return f"{made}: relative RMS {self.rms:.2%} against {of}"
+        rms = self.applied[0].rms if len(self.applied) == 1 else self.rms
+        return f"{made}: relative RMS {rms:.2%} against {of}"
 
 
 def chosen_material(

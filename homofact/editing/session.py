@@ -15,11 +15,12 @@ from dataclasses import dataclass, field
 import torch
 from torch import Tensor
 
-from homofact.editing.curves import Bands
+from homofact.editing.curves import Bands, widened
 from homofact.editing.furnace import Albedo, albedo_of
 from homofact.editing.material import Editable, Edited
 from homofact.editing.picture import Address, add_part, factor_of, part_picture, starting_curves, summed_curves
 from homofact.editing.scene import PreparedScene
+from homofact.editing.sender_albedo import mean_weights
 from homofact.editing.wavelets import TERMS, Incremental
 from homofact.errors import BadInput
 
@@ -77,6 +78,42 @@ class Session:
             wanted = "a curve drawn by hand"
             raise BadInput("has no sliders", where=f"{address[0]}: {address[1]}: {address[2]}", expected=wanted)
         self.set({address: slot.banded(slot.sliders.curve(**values))})
+
+    def widen(self, address: Address, factor: float) -> None:
+        """Multiply a curve's angles by `factor`: above 1 a highlight gets wider, below 1 narrower; its height stays.
+
+        Raises BadInput for a curve that is not there, one with the same value at every angle, and a factor <= 0.
+        """
+        slot = self.material(address[0]).slot(address[1:])
+        curve = self._states[self._now][address]
+        if bool((curve.values == curve.values[:1]).all()):
+            where, hint = f"{address[0]}: {address[1]}: {slot.name}", 'prepare the material with curves = "HF"'
+            found = "the same value at every angle"
+            raise BadInput(where=where, found=found, expected="a curve with a highlight", hint=hint)
+        self.set({address: widened(curve, factor)})
+
+    def keep_albedo(self, address: Address) -> None:
+        """Scale a curve, in each channel, until its material has the mean albedo that it had at the start.
+
+        The mean is that under uniform light. Raises BadInput for a curve that is not there or that no factor helps.
+        """
+        slot = self.material(address[0]).slot(address[1:])
+        curve = self._states[self._now][address]
+        without = self._states[self._now] | {address: Bands(torch.zeros_like(curve.values), curve.finer)}
+        states = self._kept[START], self._states[self._now], without
+        before, now, others = (self._mean_albedo(address[0], state) for state in states)
+        factors = (before - others) / (now - others)
+        if not bool((torch.isfinite(factors) & (factors > 0)).all()):
+            where = f"{address[0]}: {address[1]}: {slot.name}"
+            raise BadInput(where=where, found="no factor for the albedo", expected="a curve that reflects enough light")
+        # A curve over both directions multiplies twice.
+        self.set({address: Bands(curve.values * factors ** (1 / (1 + slot.also_outgoing)), curve.finer)})
+
+    def _mean_albedo(self, name: str, curves: dict[Address, Bands]) -> Tensor:
+        """The mean albedo (C,) of a material with these curves, under uniform light."""
+        own = {address[1:]: curve for address, curve in curves.items() if address[0] == name}
+        found = albedo_of(self.material(name).edited(own))
+        return torch.from_numpy(mean_weights()) @ torch.tensor(found.values, dtype=torch.float64)
 
     def undo(self) -> bool:
         """Go back one step; whether there was one."""

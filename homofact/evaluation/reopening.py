@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from homofact.factor.fitted import Fitted
     from homofact.methods.method import Method
 
+OF_EDITED = "the fit is of an edited material, of which there are no samples"
+
 
 class NotReopened(BadInput):
     """The source that a fit was made from is not to be had; the text says why, and may go on a sentence."""
@@ -109,7 +111,7 @@ def settings_of(fitted: "Fitted") -> "Method":
 def _own(fitted: "Fitted", near: Sequence[str | os.PathLike[str]]) -> Reopened:
     """The source that the fit names. Raises BadInput."""
     if fitted.provenance.get(EDITS) or EDITED in mapping(fitted.provenance.get("source")):
-        raise BadInput("it is of an edited material, and its source is the material before the edit")
+        raise BadInput(OF_EDITED)
     split = Split.saved_with(fitted)
     if split is None:
         path = source_named_by(fitted, near)

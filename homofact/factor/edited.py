@@ -20,7 +20,7 @@ def edits_in_words(provenance: Mapping[str, Any]) -> str:
     Examples
     --------
     >>> edits_in_words({"edits": [{"angle": "theta_h", "way": "texels", "rms": 0.0123}]})
-    'over θh, in the texels, relative RMS 1.23% against the exact edit'
+    'over θh, in the texels, relative RMS 1.23% against the exact edit of the fit'
     >>> edits_in_words({})
     ''
     """
@@ -46,4 +46,6 @@ def _words(record: Any) -> str:
         return "edited"
     angle, way, rms = str(record.get("angle")), str(record.get("way")), record.get("rms")
     words = f"over {LETTERS.get(angle, angle)}, {_WAYS.get(way, way)}"
-    return f"{words}, relative RMS {rms:.2%} against the exact edit" if isinstance(rms, int | float) else words
+    return (
+        f"{words}, relative RMS {rms:.2%} against the exact edit of the fit" if isinstance(rms, int | float) else words
+    )

@@ -148,11 +148,11 @@ def _caption(rows: Sequence[ChartRow], width: float) -> list[str]:
     """What the labels say, and under which conditions the numbers hold, in lines that fit into `width` inches."""
     first = rows[0]
     bare = ", or bytes of a model without textures" if any(row.size == 0 for row in rows) else ""
-    caption = [f"Labels: number of textures × their size in texels{bare}."]
+    caption = [f"Labels: number of textures × their size in texels, of square ones with as many texels{bare}."]
     widest = max(points_of(rows), key=lambda point: len(point.rows))
     if len(widest.rows) > 1:
         mean = f"the mean of up to {of_repeats(len(widest.seeds), len(widest.splits))}"
-        caption[0] += f" A point is {mean}, its bars go from least to greatest."
+        caption[0] += f" A point is {mean}, at the most bytes and fetches of them; its bars go from least to greatest."
     if any(row.textures < row.textures_asked for row in rows):
         caption[0] += " A run may keep fewer textures than requested, where more were not worth it."
     split = "split by " * (len(widest.splits) > 1) + listed_seeds(widest.splits)

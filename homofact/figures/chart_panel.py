@@ -24,6 +24,7 @@ _Place = tuple[float, float]
 class CostAxis:
     """What a chart has to the right: its words, its value, the ticks between two ends for its values, and its scale.
 
+    Points stand at the mean of their fits' costs, or, with `greatest`, at the greatest, which has to be made room for.
     A cost that may be 0, as the fetches of a model without textures, needs a linear scale.
     """
 
@@ -31,7 +32,12 @@ class CostAxis:
     of: Callable[[ChartPoint], Spread]
     ticks: Callable[[float, float, Sequence[float]], list[float]]
     logarithmic: bool = True
+    greatest: bool = False
     label: Callable[[float], str] = plain_number
+
+    def at(self, point: ChartPoint) -> float:
+        """Return where a point stands."""
+        return self.of(point).high if self.greatest else self.of(point).mean
 
     def ends(self, costs: Sequence[Spread]) -> tuple[float, float]:
         """Return the left and the right end of the axis, with room beside the points."""
@@ -56,6 +62,7 @@ BYTES = CostAxis(
     "bytes, texels as float32 (1K = 1024)",
     lambda point: Spread.of(float(row.bytes) for row in point.rows),
     _doubling,
+    greatest=True,
     label=_bytes,
 )
 FETCHES = CostAxis(
@@ -63,6 +70,7 @@ FETCHES = CostAxis(
     lambda point: point.fetches,
     lambda low, high, values: sorted({float(round(value)) for value in values}),
     logarithmic=False,
+    greatest=True,
 )
 
 
@@ -85,8 +93,8 @@ class Panel:
 
     @cached_property
     def places(self) -> list[_Place]:
-        """Their mean (cost, error)."""
-        return [(self.cost.of(point).mean, point.error.mean) for point in self.points]
+        """Their cost and mean error."""
+        return [(self.cost.at(point), point.error.mean) for point in self.points]
 
     def draw(self, looks: dict[str, Look], base: ChartPoint | None, limits: tuple[float, float]) -> list[_Place]:
         """Axes, points, bars, front and reference line; the corners of the front in data coordinates."""
@@ -95,14 +103,14 @@ class Panel:
         log_y(axes, *limits)
         axes.set_xscale("log" if self.cost.logarithmic else "linear")
         axes.set_xlim(left, right)
-        set_ticks(axes.xaxis, self.cost.ticks(left, right, [cost.mean for cost in costs]), self.cost.label)
+        set_ticks(axes.xaxis, self.cost.ticks(left, right, [x for x, _ in self.places]), self.cost.label)
         axes.set_xlabel(self.cost.words)
         axes.grid(color="#eeeeee", linewidth=0.8, zorder=0)
         axes.set_axisbelow(True)
         axes.spines[["top", "right"]].set_visible(False)
         on = front(self.places)
-        corners = [(self.places[on[0]][0], limits[1])]
-        for i in on:
+        corners = [self.places[on[0]]]
+        for i in on[1:]:
             corners += [(self.places[i][0], corners[-1][1]), self.places[i]]
         corners.append((right, corners[-1][1]))
         axes.plot(*zip(*corners, strict=True), color=FRONT_COLOUR, linewidth=1.2, zorder=1)
@@ -135,11 +143,11 @@ class Panel:
 
     def _bars(self, point: ChartPoint) -> list[tuple[_Place, _Place]]:
         """The ends of its bars, from the least to the greatest: upwards the error, to the right the cost."""
-        cost, error = self.cost.of(point), point.error
+        cost, error, x = self.cost.of(point), point.error, self.cost.at(point)
         bars = []
         if error.low < error.high:
-            bars.append(((cost.mean, error.low), (cost.mean, error.high)))
-        if cost.low < cost.high:
+            bars.append(((x, error.low), (x, error.high)))
+        if cost.low < cost.high and not self.cost.greatest:
             bars.append(((cost.low, error.mean), (cost.high, error.mean)))
         return bars
 

@@ -138,7 +138,7 @@ def compare_picture(
         (notes, None, lefts[0], panel),
         *((fit.lines, fit.bars, left, pair) for fit, left in zip(fits, lefts[1::2], strict=True)),
     ]
-    ends = [below + 8]
+    ends, charted = [below + 8], False
     for lines, bars, left, width in captions:
         end = below + 8
         for line in lines:
@@ -147,7 +147,8 @@ def compare_picture(
             said = bars.sentence()
             end = page.text(said[0].upper() + said[1:], left, end, width)
             band = albedo_band(bars, width)
-            end = end if band is None else page.picture(band, left, end + 4)
+            if band is not None:
+                end, charted = page.picture(band, left, end + 4), True
         ends.append(end)
     end = max(ends) + 6
     if samples is not None:
@@ -158,8 +159,8 @@ def compare_picture(
     page.text(
         f"Right of each fit: (fit − source) / (source + {FLOOR:.0%} of white) in luminance; red is too bright, blue too"
         " dark, grey is unlit. All differences have one scale, with lines at ±1% and ±10%, and below it the range that"
-        f" holds {HELD:.0%} of the pixels. The charts of error bars have scales of their own. Linear sRGB, white point"
-        " D65.",
+        f" holds {HELD:.0%} of the pixels.{' The charts of error bars have scales of their own.' * charted} Linear"
+        " sRGB, white point D65.",
         _GAP,
         end,
         page.width - 2 * _GAP,

@@ -3,15 +3,16 @@
 A source that interpolates scattered samples is drawn everywhere, though a goniometer does not reach everywhere
 (`brdf.quality.extrapolation`). A pixel is marked where more than half of the light that falls on it comes from
 directions that were not measured together with the view; under a point light that is all of it or nothing. Marks that
-are narrower than `NARROWEST` pixels are left out: a single one, as at the mirror direction between two angles of the
-light, looks like a defect of the highlight.
+are nowhere as wide as `NARROWEST` of the picture are left out: a thin one, as beside the shadow or at the mirror
+direction between two angles of the light, looks like a defect of the material.
 """
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
 import torch
-from scipy.ndimage import binary_opening
+from scipy.ndimage import binary_opening, binary_propagation
 from torch import Tensor
 
 from homofact.brdf.quality.extrapolation import Extrapolation
@@ -24,7 +25,8 @@ from homofact.rendering.lobe_patches import DRAFT
 from homofact.rendering.sphere import render_sphere
 
 LEAST = 0.5
-NARROWEST = 3
+NARROWEST = 0.05
+_THINNEST = 3  # pixels, also of marks that are wider elsewhere
 
 
 class _Part:
@@ -62,6 +64,8 @@ def beyond_the_measurement(
         # What is left of the light by rounding is no light, and what is not lit makes no mark wider or narrower.
         lit = whole > 1e-6 * whole.max()
         marked = (known < LEAST * whole) | ~lit
-        wide = binary_opening(marked.cpu().numpy(), np.ones((NARROWEST, NARROWEST)))
-        marks.append(torch.from_numpy(wide).to(lit.device) & lit)
+        clear = binary_opening(marked.cpu().numpy(), np.ones((_THINNEST, _THINNEST))) & lit.cpu().numpy()
+        side = math.ceil(NARROWEST * size)
+        wide = binary_propagation(binary_opening(clear, np.ones((side, side))), mask=clear)
+        marks.append(torch.from_numpy(wide).to(lit.device))
     return marks

@@ -16,6 +16,7 @@ from homofact.methods.models import MODELS, Ggx
 from homofact.methods.nmf import Nmf
 from homofact.methods.search import Search
 from homofact.methods.svd import Svd
+from homofact.separable.decomposition_names import SIDES
 from homofact.settings.options import nearest
 
 MCCOOL = McCool().projections
@@ -54,8 +55,12 @@ def methods_with(setting: str) -> tuple[str, ...]:
     )
 
 
+def _with_coordinates() -> list[str]:
+    return [name for name, method in METHODS.items() if "coordinates" in settings_of_class(method)]
+
+
 def parsed_label(label: str) -> tuple[str, dict[str, Any]]:
-    """A label's method and the settings that it names: `mccool:wi+h` fixed projections, `ggx:2` a number of lobes.
+    """A label's method and the setting behind its colon: `mccool:wi+h`, `ggx:2` lobes, `svd:half-diff` coordinates.
 
     Raises BadInput for an unknown method, and for what is behind the colon of another one, or nothing.
     """
@@ -68,11 +73,13 @@ def parsed_label(label: str) -> tuple[str, dict[str, Any]]:
         return name, {"projections": projections}
     if "lobes" in own and listed.strip().isdecimal():
         return name, {"lobes": int(listed)}
+    if "coordinates" in own and listed.strip() in SIDES:
+        return name, {"coordinates": listed.strip()}
     raise BadInput(
         where="method",
         found=repr(label),
-        expected="projections behind mccool only, as in mccool:wi+h, and a number of lobes behind ggx or gaussians,"
-        " as in ggx:2",
+        expected="projections behind mccool only, as in mccool:wi+h, a number of lobes behind ggx or gaussians, as in"
+        f" ggx:2, and coordinates behind {', '.join(_with_coordinates())} ({' or '.join(SIDES)}), as in svd:half-diff",
     )
 
 

@@ -115,6 +115,10 @@ def test_fits_that_cannot_be_compared_are_refused(fits: Path, tmp_path: Path, ca
     assert "seeds: given beside saved fits" in capsys.readouterr().err
     assert main(["compare", str(fits / "small"), str(fits / "large"), "--splits", "2"]) == 2
     assert "splits: given beside saved fits" in capsys.readouterr().err
+    assert main(["compare", str(fits / "small"), str(fits / "none")]) == 2
+    told = capsys.readouterr().err
+    assert str(fits / "none") in told
+    assert "no such folder" in told
     # Between fits and sources there is nothing to compare.
     assert main(["compare", str(fits / "small"), SOURCE]) == 2
     assert "found the folder of a fit" in capsys.readouterr().err

@@ -20,4 +20,5 @@ def test_the_worst_of_the_parts_above_it_is_named() -> None:
     (line,) = _above_tolerance(parts, 0.003)
     assert "2 parts" in line
     assert "0.30%" in line
-    assert "2.00% (glaze, diffuse, rank 12)" in line
+    assert "2.00% (glaze, diffuse" in line
+    assert "12 numbers per pixel" in line

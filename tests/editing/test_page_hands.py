@@ -418,6 +418,19 @@ def test_a_narrower_highlight_can_have_the_same_albedo(page: Any) -> None:
     assert found[0] > 1.01 * before[0]
 
 
+def test_a_curve_over_both_directions_can_have_the_same_albedo(page: Any) -> None:
+    page.execute_script("homofact.page.controls.edit(2, homofact.page.curvesOf(2)[1].index)")
+    quiet(page)
+    page.execute_script(
+        "homofact.page.state.channel = null; homofact.page.edit(homofact.page.values.map((x) => 1.3 * x))"
+    )
+    quiet(page)
+    before, brighter = page.execute_script(MEAN_ALBEDO, True), page.execute_script(MEAN_ALBEDO, False)
+    assert brighter == pytest.approx([1.69 * value for value in before], rel=1e-6)
+    click(page, "#shapes button:nth-child(7)")
+    assert page.execute_script(MEAN_ALBEDO, False) == pytest.approx(before, rel=1e-6)
+
+
 def test_the_same_buttons_change_a_curve_that_is_not_flat(page: Any) -> None:
     for button in range(1, 6):
         before = values(page)

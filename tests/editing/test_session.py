@@ -5,9 +5,11 @@ import math
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import torch
-from editing.scenes import PAINT, prepared_paint, relative
+from editing.page_scene import both_ends
+from editing.scenes import PAINT, prepared_paint, relative, single
 
 from homofact.brdf.analytic import Lambert
 from homofact.editing import models
@@ -16,7 +18,9 @@ from homofact.editing.curves_file import read_curves, write_curves
 from homofact.editing.enlarged import enlarged
 from homofact.editing.furnace import albedo_of
 from homofact.editing.picture import radiance, starting_curves
+from homofact.editing.precompute import prepare
 from homofact.editing.result import pictures
+from homofact.editing.sender_albedo import mean_weights
 from homofact.editing.session import Session
 from homofact.errors import BadInput
 from homofact.rendering.sphere import SphereImage
@@ -254,3 +258,71 @@ def test_files_that_hold_no_curves_are_refused(content: dict[str, Any], words: s
     assert "\n" not in str(caught.value)
     place.write_text(json.dumps(good_file()), encoding="utf-8")
     assert list(read_curves(place, materials)) == [("paint", "specular", "fresnel")]
+
+
+def test_widening_multiplies_the_angles_of_a_curve() -> None:
+    session = Session(prepared_paint("full"))
+    before = session.curves[HALF]
+    session.widen(HALF, 1.5)
+    after = session.curves[HALF]
+    # Where both are read between middles of bands, the wide curve at γ is the old one at γ / 1.5.
+    middles = math.pi / 2 * ((torch.arange(before.count, dtype=torch.float64) + 0.5) / before.count) ** 2
+    for band in range(10, before.count - 10, 7):
+        expected = torch.from_numpy(
+            np.stack([np.interp(float(middles[band]) / 1.5, middles, channel) for channel in before.values.T])
+        )
+        assert torch.allclose(after.values[band], expected, rtol=0.02)
+    assert torch.allclose(after.values[0], before.values[0], rtol=1e-3)
+    assert session.undo()
+    session.widen(HALF, 0.5)
+    assert (session.curves[HALF].values[20:60] < before.values[20:60]).all()
+
+
+@pytest.mark.parametrize("factor", [0.0, -1.0, math.nan, math.inf])
+def test_a_factor_that_widens_nothing(factor: float) -> None:
+    session = Session(prepared_paint("full"))
+    with pytest.raises(BadInput) as refused:
+        session.widen(HALF, factor)
+    assert refused.value.where == "factor"
+    assert not session.changed
+
+
+def test_a_flat_curve_has_no_width() -> None:
+    session = Session(prepared_paint("full"))
+    session.set({HALF: Bands(torch.ones_like(session.curves[HALF].values), True)})
+    with pytest.raises(BadInput) as refused:
+        session.widen(HALF, 2.0)
+    assert "HF" in str(refused.value.hint)
+
+
+def test_a_wider_highlight_can_keep_the_albedo() -> None:
+    session = Session(prepared_paint("full"))
+    weights = torch.from_numpy(mean_weights())
+
+    def mean() -> torch.Tensor:
+        return weights @ torch.tensor(session.albedo("paint").values, dtype=torch.float64)
+
+    before = mean()
+    session.widen(HALF, 1.5)
+    wide, curve = mean(), session.curves[HALF].values
+    assert (wide > 1.02 * before).any()
+    session.keep_albedo(HALF)
+    assert torch.allclose(mean(), before, rtol=1e-9)
+    lit = curve[:, 0] > 0
+    ratios = session.curves[HALF].values[lit] / curve[lit]
+    assert torch.allclose(ratios, ratios[:1].expand_as(ratios))
+    diffuse = ("paint", "diffuse", "incident")
+    session.set({diffuse: raised(session, diffuse, 20.0)})
+    with pytest.raises(BadInput) as refused:
+        session.keep_albedo(HALF)
+    assert "paint" in str(refused.value.where)
+
+
+def test_a_curve_over_both_directions_keeps_the_albedo_too() -> None:
+    session = Session(prepare(single(both_ends()), 60))
+    address = ("clay", "whole", "directions")
+    before = torch.tensor(session.albedo("clay").values)
+    session.set({address: raised(session, address, 1.3)})
+    assert torch.allclose(torch.tensor(session.albedo("clay").values), 1.69 * before)
+    session.keep_albedo(address)
+    assert torch.allclose(torch.tensor(session.albedo("clay").values), before)

@@ -15,6 +15,7 @@ from homofact.evaluation.chart import plan, run_chart
 from homofact.evaluation.chart_ledger import ChartLedger, ChartRow
 from homofact.evaluation.chart_points import ChartPoint, best_lower_on, points_of, reference
 from homofact.figures.chart import cost_chart, time_chart, write_charts
+from homofact.figures.chart_panel import FRONT_COLOUR
 from homofact.figures.label_places import place_labels
 from homofact.figures.log_axis import plain_number, round_ticks
 from homofact.methods.table import made_each
@@ -248,3 +249,24 @@ def test_a_model_without_textures_stands_at_no_fetches_and_has_its_bytes_as_labe
     assert [text.get_text() for text in fetches.get_xticklabels()] == ["0", "3"][: len(labels)]
     words = {text.get_text().split("  ")[0] for text, _ in labels_of(cost_chart(rows))}
     assert words == {"2×8²", "32 bytes"} if len(labels) == 2 else words == {"32 bytes"}
+
+
+def test_a_point_stands_at_the_most_bytes_of_its_fits(many: list[ChartRow]) -> None:
+    first = many[1]
+    rows = [first, replace(first, seed=first.seed + 1, bytes=5 * first.bytes, fetches=first.fetches + 3)]
+    figure = cost_chart(rows)
+    for axes, cost in zip(figure.axes[:2], (5 * first.bytes, first.fetches + 3), strict=False):
+        marked = [line for line in axes.lines if line.get_marker() not in ("None", "")]
+        assert [float(line.get_xdata()[0]) for line in marked] == [cost]
+
+
+def test_the_front_begins_at_its_first_point(many: list[ChartRow]) -> None:
+    figure = cost_chart(many)
+    for axes in figure.axes[:2]:
+        line = next(line for line in axes.lines if line.get_color() == FRONT_COLOUR)
+        points = {
+            tuple(map(float, (*each.get_xdata(), *each.get_ydata())))
+            for each in axes.lines
+            if len(each.get_xdata()) == 1
+        }
+        assert (float(line.get_xdata()[0]), float(line.get_ydata()[0])) in points

@@ -38,12 +38,21 @@ def test_a_region_is_marked_and_a_single_pixel_is_not(monkeypatch: pytest.Monkey
     assert torch.equal(marks, expected)
 
 
-def test_a_mark_that_ends_at_the_unlit_side_is_as_wide_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
-    whole = torch.ones((12, 12))
-    whole[:, :4] = 0
+def test_a_thin_mark_is_left_out_beside_the_unlit_side_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = torch.ones((80, 80))
+    whole[:, :20] = 0
+    for width, marked in ((3, 0), (4, 4 * 80)):
+        known = whole.clone()
+        known[:, 20 : 20 + width] = 0
+        assert int(marks_of(known, whole, monkeypatch).sum()) == marked
+
+
+def test_what_is_wide_somewhere_is_marked_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = torch.ones((80, 80))
     known = whole.clone()
-    known[:, 4] = 0
+    known[10:20, 10:20] = 0
+    known[12:15, 20:60] = 0
+    known[60:63, 10:60] = 0
     marks = marks_of(known, whole, monkeypatch)
-    # One pixel wide, but beside nothing that could show it.
-    assert marks[:, 4].all()
-    assert int(marks.sum()) == 12
+    assert marks[12:15, 20:60].all()
+    assert int(marks.sum()) == 100 + 120

@@ -182,6 +182,20 @@ def test_labels_that_mean_nothing_are_refused(label: str) -> None:
         made(label, {})
 
 
+@pytest.mark.parametrize(
+    ("label", "coordinates"), [("svd", "in-out"), ("svd:half-diff", "half-diff"), ("nmf:in-out", "in-out")]
+)
+def test_a_label_names_coordinates(label: str, coordinates: str) -> None:
+    method = made(label, {"size": 4})
+    assert (method.name, vars(method)["coordinates"]) == (label.partition(":")[0], coordinates)
+
+
+@pytest.mark.parametrize("label", ["svd:", "svd:half", "ggx:half-diff", "mccool:in-out,"])
+def test_coordinates_that_are_none_are_refused(label: str) -> None:
+    with pytest.raises(BadInput):
+        made(label, {})
+
+
 def test_a_network_has_three_channels() -> None:
     grey = sample_model(GgxBrdf((0.3,), (GgxLobe((0.5,), 0.2, 0.1),), channels=("Y",)), 300, "lobe", 0)
     with pytest.raises(BadInput, match="nbrdf: found 1 channels, expected the 3"):

@@ -25,6 +25,12 @@ class Furnace {
     return found;
   }
 
+  /** How often a curve multiplies: twice if it is over both directions. */
+  times(curve) {
+    const own = this.curves.filter(({ term }) => term === curve.term), { factors } = this.terms.find(({ name }) => name === curve.term);
+    return factors.filter(([number]) => own[number] === curve).length;
+  }
+
   /** Where most comes back: { value, degrees, channel, exceeds }. */
   largest(albedo) {
     const at = albedo.reduce((best, value, i) => (value > albedo[best] ? i : best), 0);

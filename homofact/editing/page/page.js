@@ -122,8 +122,9 @@ class Page {
     const { curve, data, state } = this, { channels } = curve, furnace = this.furnaces[state.material], now = this.history.state;
     const mean = (curves, terms = null) => meanAlbedo(furnace.albedo(curves, terms), data.furnace.mean, channels);
     const before = mean(this.curves.map(({ start }) => start)), whole = mean(now), own = mean(now, [curve.term]);
-    // The other terms stay as they are.
-    const factors = own.map((value, c) => (state.channel === null || state.channel === c ? (before[c] - whole[c] + value) / value : 1));
+    // The other terms stay as they are; a curve over both directions multiplies twice.
+    const power = 1 / furnace.times(curve);
+    const factors = own.map((value, c) => (state.channel === null || state.channel === c ? ((before[c] - whole[c] + value) / value) ** power : 1));
     const found = this.values.map((value, i) => value * factors[i % channels]);
     if (!factors.every((factor) => factor > 0 && factor < Infinity)) this.note("No factor of this curve gives the material its albedo back.", true);
     else if (alike(found, this.values)) this.note("The material has its albedo before the edits.");
