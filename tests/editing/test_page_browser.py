@@ -1,100 +1,35 @@
-"""The page of a prepared scene in a headless Chromium: its pictures, curves, albedo and preview are the library's."""
+"""The page of a prepared scene in a headless Chromium: its pictures, curves and albedo are the library's."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 import torch
-from browser import browser, complaints, headless, requests
+from editing.page_opened import HALF, begin, check_pictures, numbers_of, opened_page, put, shown
 from editing.page_scene import page_prepared, quiet
 
-from homofact.editing.curves import Bands, band_centres, band_place
+from homofact.editing.curves import Bands, band_centres
 from homofact.editing.enlarged import clear_shares, enlarged
 from homofact.editing.picture import Address, image
 from homofact.editing.session import Session
-from homofact.geometry.directions import normalize
 from homofact.rendering.sphere import SphereImage
 from homofact.rendering.tonemap import automatic_exposure, tonemap
 
-# What a half float leaves of each value.
-HALF = 2.0**-11
 PAINT: Address = ("paint", "specular", "distribution")
 
 
 @pytest.fixture(scope="module")
-def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
-    with browser() as driver:
+def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
+    with opened_page(tmp_path_factory.mktemp("page")) as driver:
         yield driver
 
 
-@pytest.fixture(scope="module")
-def page(chromium: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
-    """The page, opened once; it must stay silent and ask for nothing."""
-    from homofact.editing.page.build import write_edit_page
-
-    path = tmp_path_factory.mktemp("page") / "edit.html"
-    write_edit_page(path, page_prepared(), title="A test")
-    complaints(chromium)
-    requests(chromium)
-    headless.open_page(chromium, path)
-    quiet(chromium)
-    yield chromium
-    assert complaints(chromium) == []
-    assert set(requests(chromium)) <= {path.as_uri()}
-
-
 @pytest.fixture(autouse=True)
-def fresh(request: pytest.FixtureRequest) -> None:
-    """The page as it began, for each test that uses it."""
-    if "page" in request.fixturenames:
-        driver = request.getfixturevalue("page")
-        driver.execute_script(
-            "const p = homofact.page; p.step = p.axisHeld = null; p.history.states.length = 1; p.history.now = 0;"
-            "p.history.kept.length = 1; p.controls.fillKept(); p.budget = 1e6; p.note('');"
-            "Object.assign(p.state, {view: 0, tool: 'brush', channel: null, logs: false, root: false, band: 8,"
-            " show: 'after', compare: 0, split: 0.5, tones: 'filmic'}); p.preview.reset(); p.controls.edit(0, 2);"
-            "document.activeElement?.blur(); p.changed('all');"
-        )
-        quiet(driver)
-        # The exposure is that of the radiance, once it is what the page began with.
-        driver.execute_script("homofact.page.expose(homofact.page.start); homofact.changed('all')")
-        quiet(driver)
-
-
-def numbers_of(address: Address) -> int:
-    """The curve's number on the page."""
-    places = [
-        (thing.material.name, *place) for thing in page_prepared().scene.objects for place in thing.material.places
-    ]
-    return places.index(address)
-
-
-def put(driver: Any, curves: dict[Address, Bands]) -> None:
-    """Set curves on the page in one step."""
-    driver.execute_script(
-        "homofact.page.history.set(arguments[0].map(([k, v]) => [k, {values: Float64Array.from(v), sliders: null}]));"
-        "homofact.changed('all');",
-        [[numbers_of(address), curve.values.reshape(-1).tolist()] for address, curve in curves.items()],
-    )
-    quiet(driver)
-
-
-def shown(driver: Any, view: int) -> torch.Tensor:
-    """Radiance (P, 3) of the page."""
-    values = driver.execute_script("return Array.from(homofact.radiance(arguments[0]))", view)
-    return torch.tensor(values, dtype=torch.float64).reshape(-1, 3)
-
-
-def check_pictures(driver: Any, session: Session) -> None:
-    """Every view is the library's, to less than half floats would leave."""
-    for view in range(len(session.prepared.pixels)):
-        expected = session.picture(view)
-        off = shown(driver, view) - expected
-        assert float(off.square().mean().sqrt() / expected.square().mean().sqrt()) < HALF / 2
-        assert float(off.abs().max() / expected.abs().max()) < 1.25 * HALF
+def fresh(page: Any) -> None:
+    """The page as it began."""
+    begin(page, root=False)
 
 
 def wavy(curve: Bands, k: int) -> Bands:
@@ -324,80 +259,6 @@ def test_the_settled_picture_is_the_enlarged_one(page: Any) -> None:
         "const b = homofact.page.box(), c = homofact.page.settled.canvas; return [b.width, c.width]"
     )
     assert size[1] == pytest.approx(size[0], abs=1)
-
-
-@pytest.mark.slow
-def test_the_preview_shows_the_edited_material(page: Any) -> None:
-    """Radiance of the sphere against the material itself, for every material, turned, with the light moved."""
-    session, size = Session(page_prepared()), 48
-    session.slide(PAINT, sigma=0.35)
-    session.slide(("steel", "specular", "beta"), nv=20.0)
-    put(page, session.changed)
-    for number, (name, most) in enumerate((("paint", 0.03), ("steel", 0.02), ("clay", 0.02), ("floor", 1e-3))):
-        values, axes, light = page.execute_script(
-            "const p = homofact.page; p.preview.turn(25, -10); p.preview.move(-15, 10);"
-            "const l = p.preview.light, a = l.azimuth * Math.PI / 180, e = l.elevation * Math.PI / 180;"
-            "return [Array.from(p.preview.radiance(arguments[0], p.history.state, arguments[1])), p.preview.axes,"
-            " [Math.cos(e) * Math.sin(a), Math.sin(e), Math.cos(e) * Math.cos(a)]]",
-            number,
-            size,
-        )
-        found = torch.tensor(values, dtype=torch.float64).reshape(size * size, 4)
-        expected = sphere_of(session, name, torch.tensor(axes).double().reshape(3, 3), torch.tensor(light).double())
-        covered = found[:, 3] > 0
-        off = (found[covered, :3] - expected[covered]).square().mean().sqrt() / expected[covered].square().mean().sqrt()
-        assert float(off) < most, name
-
-
-@dataclass(frozen=True)
-class Between:
-    """Straight lines from the middle of a band to the next, as the preview has them."""
-
-    bands: Bands
-
-    @property
-    def channels(self) -> int:
-        return self.bands.channels
-
-    def at(self, gamma: torch.Tensor) -> torch.Tensor:
-        last = self.bands.count - 1
-        place = (band_place(gamma, self.bands.count, self.bands.finer) - 0.5).clamp(0, last)
-        low = place.floor().long().clamp_max(last - 1)
-        return torch.lerp(self.bands.values[low], self.bands.values[low + 1], (place - low)[:, None])
-
-
-def sphere_of(session: Session, name: str, axes: torch.Tensor, light: torch.Tensor) -> torch.Tensor:
-    """Radiance (48², 3), rows from below, of a sphere; `axes` are right, up and towards the viewer."""
-    side = ((torch.arange(48, dtype=torch.float64) + 0.5) / 48 * 2 - 1) / 0.94
-    y, x = torch.meshgrid(side, side, indexing="ij")
-    inside = 1 - x**2 - y**2
-    n = normalize(torch.stack((x, y, inside.clamp_min(1e-9).sqrt()), -1).reshape(-1, 3) @ axes)
-    t = normalize(torch.stack((n[:, 2], torch.zeros(len(n)), -n[:, 0]), 1))
-    frame = torch.stack((t, torch.linalg.cross(n, t), n), 1)
-    wi, wo = frame @ light, frame @ axes[2]
-    curves = {address[1:]: Between(curve) for address, curve in session.curves.items() if address[0] == name}
-    radiance = session.material(name).edited(curves).evaluate(wi, wo) * wi[:, 2:].clamp_min(0) * np.pi
-    return torch.where(inside.reshape(-1, 1) > 0, radiance, torch.zeros_like(radiance))
-
-
-@pytest.mark.slow
-def test_without_webgl_all_but_the_preview_works(tmp_path: Path) -> None:
-    from homofact.editing.page.build import write_edit_page
-
-    with browser(webgl=False) as driver:
-        write_edit_page(tmp_path / "p.html", page_prepared())
-        headless.open_page(driver, tmp_path / "p.html")
-        quiet(driver)
-        said = driver.execute_script("return document.getElementById('no-preview').textContent")
-        assert said.startswith("The preview sphere is drawn with WebGL 2, which is not available here.")
-        put(driver, {PAINT: page_prepared().scene.objects[0].material.banded_start()[PAINT[1:]]})
-        check_pictures(driver, Session(page_prepared()))
-        # Without unpacking there is nothing to show.
-        script = {"source": "delete window.DecompressionStream"}
-        driver.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", script)
-        headless.open_page(driver, tmp_path / "p.html")
-        trouble = driver.execute_script("return document.getElementById('trouble').innerText")
-        assert trouble.startswith("This browser cannot unpack the page's data.")
 
 
 @pytest.mark.slow
