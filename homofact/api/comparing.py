@@ -260,7 +260,7 @@ def _write(result: CompareResult, steps: ProgressSteps) -> None:
         if name == "plot":
             from homofact.figures.plot import plot_rows
 
-            plot_rows(place, list(result.rows.values()))
+            plot_rows(place, result.rows)
         else:
             fits = result.measured()
             text = csv_of(fits) if name == "csv" else latex_of(fits, result.by_source, result.pairs_in_words)

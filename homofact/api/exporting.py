@@ -69,6 +69,8 @@ class ExportResult:
         How near the look-alike in glTF's export comes to the fit, None for other exports.
     verdict : dict or None
         How far the fit itself may be off: "trusted" and "summary" of its verdict, None for a fit without one.
+    shipped : tuple of str
+        The files that the engine needs, where that is not all of them.
     """
 
     result: str
@@ -87,6 +89,7 @@ class ExportResult:
     light: "UnderSkies | None" = None
     likeness: "Likeness | None" = None
     verdict: Mapping[str, Any] | None = None
+    shipped: tuple[str, ...] = ()
 
     def record(self) -> dict[str, Any]:
         """Return the JSON form."""
@@ -97,6 +100,7 @@ class ExportResult:
             "cost": self.cost.record(),
             "format": self.format,
             "verdict": None if self.verdict is None else dict(self.verdict),
+            **({"shipped": list(self.shipped)} if self.shipped else {}),
         }
         for name, part in (("prefiltered", self.prefiltered), ("light", self.light), ("likeness", self.likeness)):
             if part is not None:
@@ -288,10 +292,11 @@ class _Work:
         more: dict[str, str | bytes] = {}
         looks: dict[str, Any] = {}
         likeness = light = None
+        shipped: tuple[str, ...] = ()
         if engine is not None:
             self.steps.stage(engine.work)
             added = engine.add(made)
-            more, light = dict(added.files), added.light
+            more, light, shipped = dict(added.files), added.light, added.shipped
             likeness = added.likeness if isinstance(added, AddedLookAlike) else None
             looks = self._looks(made, added, likeness)
         of_looks = {label: look["errors"] for label, look in looks.items() if label != "fit"}
@@ -319,6 +324,7 @@ class _Work:
             prefiltered=made.prefiltered,
             likeness=likeness,
             light=light,
+            shipped=shipped,
         )
 
     def _errors(self, row: "Exported | Fitted", samples: "dict[str, Samples] | None") -> dict[str, Any]:

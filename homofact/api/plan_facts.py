@@ -64,10 +64,32 @@ def _rows(found: Mapping[str, Any]) -> dict[str, Any]:
     }
     for name, each in zip(names, distinct, strict=True):
         rows[f"material {name}"] = _choice(each)
+        for step in ("smaller", "larger"):
+            # Plans of earlier versions do not have them.
+            if each.get(step) is not None:
+                rows[f"{step} {name}"] = _step(each[step])
     for name, each in zip(names, distinct, strict=True):
         if each["verdict"] is not None:
             rows[f"verdict on {name}"] = each["verdict"]["summary"]
     return rows | {"missed": list(found["warnings"])}
+
+
+def _step(one: Mapping[str, Any]) -> str:
+    """A representation of fewer or more bytes than the choice, and the part of the limit that it uses."""
+    from homofact.planning.ladder import Candidate
+
+    words = Candidate(one["method"], one["textures"], one["size"], one["storage"]).words
+    return (
+        f"{words}; {counted(one['bytes'], 'byte')}, {'' if one['measured'] else 'about '}{_used(one['of_tolerance'])}"
+    )
+
+
+def _used(part: float | None) -> str:
+    """How much of its limit an error uses: "32% of the limit", "10 × the limit"."""
+    if part is None:
+        return "more than can be measured"
+    words = part_of_limit(part)
+    return f"{words} the limit" if words.endswith("×") else f"{words} of the limit"
 
 
 def _choice(each: Mapping[str, Any]) -> str:
@@ -80,9 +102,8 @@ def _choice(each: Mapping[str, Any]) -> str:
         return "no representation fits the budget"
     candidate = Candidate(choice["method"], choice["textures"], choice["size"], choice["storage"])
     size = f"{counted(choice['bytes'], 'byte')}, {counted(choice['fetches'], 'fetch')}"
-    used = "more than can be measured" if each["of_tolerance"] is None else part_of_limit(each["of_tolerance"])
     under = f" under {each['error_lighting']}" if each["error_lighting"] else ""
-    part = f"{used} of the limit" if each.get("trusted", True) else "within the limit, but not trusted"
+    part = _used(each["of_tolerance"]) if each.get("trusted", True) else "within the limit, but not trusted"
     error = f"{WORDS[each['error_kind']]} {figure(each['error'])}{under}, {part}"
     where = f"; in {each['folder']}" if each.get("folder") else ""
     if each.get("tolerance"):

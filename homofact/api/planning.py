@@ -281,7 +281,8 @@ def _verdicts(found: "ScenePlan", steps: ProgressSteps) -> "dict[str, Verdict | 
 
 
 def _label(material: "MaterialPlan") -> str:
-    return material.name if material.walk.choice is None else f"{material.name}, {material.walk.choice.words}"
+    choice = material.walk.choice
+    return material.name if choice is None else f"{material.name}, {material.walk.kept(choice).words}"
 
 
 def _draw(figure: Path, found: "ScenePlan") -> None:

@@ -14,7 +14,7 @@ from homofact.cli.screen import Screen
 from homofact.cli.tables import appearance_tables, stored_table
 from homofact.containers.format_names import FORMAT_NAMES
 from homofact.errors import BadInput
-from homofact.evaluation.wording import brief_figure, counted
+from homofact.evaluation.wording import brief_figure, counted, listed
 
 HTML, README = "html", "README.md"
 
@@ -128,6 +128,7 @@ def _show(found: ExportResult, folder: Path, engine: str | None, screen: Screen)
         *([] if found.likeness is None else [Text(found.likeness.phrase)]),
         f"{folder}: {', '.join(found.files)}",
         "",
+        *_shipped_line(found),
         _next_line(folder, engine, found.files, cost.fetches),
     )
 
@@ -135,6 +136,14 @@ def _show(found: ExportResult, folder: Path, engine: str | None, screen: Screen)
 def _is_doubted(found: ExportResult) -> bool:
     """Whether the fit has a verdict that does not trust it."""
     return found.verdict is not None and not found.verdict["trusted"]
+
+
+def _shipped_line(found: ExportResult) -> list[str]:
+    """Which files the engine needs, and their bytes, where these are not all."""
+    if not found.shipped:
+        return []
+    size = sum((found.folder / name).stat().st_size for name in found.shipped)
+    return [f"Ship {listed(found.shipped)}, {size} bytes; the other files are not needed at run time."]
 
 
 def _next_line(folder: Path, engine: str | None, files: Sequence[str], fetches: int) -> str | Text:

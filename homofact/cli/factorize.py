@@ -103,7 +103,7 @@ def _headline(found: "FactorizeResult") -> str:
     twice = record["fetches"] - count
     read = f" ({counted(twice, 'texture')} read twice)" if 0 < twice <= count else ""
     texels = sum(rows * columns for rows, columns in record["shapes"])
-    eight = f" ({4 * texels} as RGBA with 8 bits)" if texels else ""
+    eight = f", {4 * texels} as 8-bit RGBA" if texels else ""
     return (
         f"{found.source.name}, fitted by {next(iter(found.rows))}: {made},"
         f" {counted(record['bytes'], 'byte')} as float32{eight},"

@@ -39,7 +39,8 @@ def choice_table(found: "ScenePlan") -> Table:
         used = Text(part, "bold" if each.walk.met else "bold red")
         under = f" under {outcome.lighting}" if several and outcome.lighting else ""
         worst = f"{WORDS[outcome.kind].removeprefix('error of ')} {figure(outcome.value)}{under}"
-        words = choice.words if each.walk.met or not any(met) else f"closest: {choice.words}"
+        words = each.walk.kept(choice).words
+        words = words if each.walk.met or not any(met) else f"closest: {words}"
         table.add_row(name_of(each), words, str(outcome.bytes), str(outcome.fetches), worst, used)
     return table
 
@@ -47,7 +48,9 @@ def choice_table(found: "ScenePlan") -> Table:
 def headline(found: "ScenePlan") -> str:
     """Return what the whole scene takes, and under which tolerance and lighting."""
     textures = sum(
-        0 if plan.walk.choice is None else plan.walk.choice.textures for plan in found.distinct if plan.outcome
+        0 if plan.walk.choice is None else plan.walk.kept(plan.walk.choice).textures
+        for plan in found.distinct
+        if plan.outcome
     )
     lightings = " and ".join(each.name for each in found.scene.lightings)
     missed = sum(not plan.walk.met for plan in found.distinct)
@@ -85,7 +88,7 @@ def step_table(found: "ScenePlan") -> Table | None:
                 if step == "larger" and each.outcome is not None and each.outcome.error > 0:
                     table.add_row(name, step, *_no_better(each, best_larger(each)))
                 continue
-            words = one.candidate.words
+            words = each.walk.kept(one.candidate).words
             if one == enough:
                 # Perhaps it is the fetches that the budget rules it out by.
                 words += f", {counted(each.walk.asked[one.candidate].fetches, 'fetch')}"
@@ -101,7 +104,7 @@ def _used(one: "Neighbour") -> str:
 
 
 def _no_better(plan: "MaterialPlan", best: "Neighbour | None") -> tuple[str, str, str]:
-    """Representation, bytes and error of a larger step that gains nothing: the best of those that were tried."""
+    """Representation, bytes and error of a larger step that gains nothing, with the best of those tried in words."""
     from homofact.planning.neighbours import NEAR
 
     if best is None:
@@ -111,14 +114,12 @@ def _no_better(plan: "MaterialPlan", best: "Neighbour | None") -> tuple[str, str
     assert plan.outcome is not None
     tried = sum(answer.bytes > plan.outcome.bytes for answer in plan.walk.asked.values())
     less = "hardly less" if best.error < plan.outcome.error else "no less"
+    own = f"{plan.walk.kept(best.candidate).words} ({best.bytes} bytes, {_used(best)})"
     if tried == 1:
-        words = (
-            f"nothing: {best.candidate.words}, was tried and errs {less}, and others of up to {NEAR} × the bytes are"
-            " expected to gain little"
-        )
+        words = f"nothing: {own}, errs {less}; others of up to {NEAR} × the bytes are expected to gain little"
     else:
-        words = f"nothing: {tried} were tried and err {less}, the best of them {best.candidate.words}"
-    return words, str(best.bytes), _used(best)
+        words = f"nothing: {tried} were tried and err {less}, the best of them {own}"
+    return words, "–", "–"
 
 
 def evidence_table(found: "ScenePlan") -> Table:

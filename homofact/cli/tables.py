@@ -229,7 +229,7 @@ def pair_table(pairs: "Sequence[MethodPair]") -> Table:
             spread = pair.spread(name)
             cells += [
                 f"{pair.lower(name)} of {spread.count}",
-                f"{ratio_figure(spread.low)} to {ratio_figure(spread.high)}",
+                f"{ratio_figure(spread.low)}–{ratio_figure(spread.high)}",
             ]
         again = last is not None and last.method == pair.method
         table.add_row("" if again else Text(pair.method), Text(pair.other), *cells)

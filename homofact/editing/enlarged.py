@@ -68,7 +68,7 @@ def sky_behind(lighting: Lighting, directions: np.ndarray, channels: int) -> np.
     found = np.zeros((len(directions), channels))
     for light in lighting.lights:
         if isinstance(light, EnvironmentMap):
-            found += light.look_up(torch.from_numpy(directions))[0].numpy()
+            found += light.between(torch.from_numpy(directions)).numpy()
     return found
 
 

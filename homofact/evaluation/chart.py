@@ -111,7 +111,7 @@ def finished(run: Run, row: ComparisonRow, held_out: float, wanted: Identity) ->
         search=run.search,
         textures_asked=run.textures,
         size=run.settings.size,
-        textures=len(row.factorization.terms),
+        textures=len(row.factorization.textures),
         bytes=row.factorization.nbytes,
         fetches=row.factorization.fetches,
         evaluations=row.report.evaluations,

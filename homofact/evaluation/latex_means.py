@@ -175,9 +175,12 @@ def _line(row: MeanRow, powers: Mapping[str, int | None]) -> str:
 
 
 def _method(label: str) -> str:
-    """A label with its method as papers write it: "GGX:2" for "ggx:2"."""
-    name, colon, listed = label.partition(":")
-    return _METHODS.get(name, name) + colon + listed
+    """A label as papers write it: "GGX (2 lobes)" for "ggx:2", "SVD (half-diff)" for "svd:half-diff"."""
+    name, _, listed = label.partition(":")
+    method = _METHODS.get(name, name)
+    if listed.isdecimal():
+        listed = counted(int(listed), "lobe")
+    return f"{method} ({listed})" if listed else method
 
 
 def escaped(text: str) -> str:

@@ -93,8 +93,8 @@ def mean_record(records: Sequence[Mapping[str, Any]], seeds: Sequence[int], spli
     """Return the records of fits that differ in their seeds and splits alone, as one: of a comparison or of a chart.
 
     Errors, seconds, evaluations and figures of light are means; "spread" has the mean, least, greatest and standard
-    deviation of each, "seeds" are the fits' and "splits" the seeds of their splits. Bytes, fetches and textures are
-    those of the largest fit; all else is the first's.
+    deviation of each, "seeds" are the fits' and "splits" the seeds of their splits. Bytes and textures are those
+    of the largest fit, fetches the most of any; all else is the first's.
     """
     own, largest = records[0], max(records, key=lambda record: (record["bytes"], record["fetches"]))
 
@@ -109,7 +109,8 @@ def mean_record(records: Sequence[Mapping[str, Any]], seeds: Sequence[int], spli
     appearance = {name: spread.record() for name, values in light.items() if (spread := _spread(values)) is not None}
     return {
         **own,
-        **{name: largest[name] for name in ("bytes", "fetches", "textures", "shapes") if name in own},
+        **{name: largest[name] for name in ("bytes", "textures", "shapes") if name in own},
+        "fetches": max(record["fetches"] for record in records),
         "status": ", ".join(dict.fromkeys(record["status"] for record in records)),
         "evaluations": evaluations.mean,
         "seconds": {name: spread["mean"] for name, spread in seconds.items()},

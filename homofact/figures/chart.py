@@ -148,7 +148,7 @@ def _caption(rows: Sequence[ChartRow], width: float) -> list[str]:
     """What the labels say, and under which conditions the numbers hold, in lines that fit into `width` inches."""
     first = rows[0]
     bare = ", or bytes of a model without textures" if any(row.size == 0 for row in rows) else ""
-    caption = [f"Labels: number of textures × their size in texels, of square ones with as many texels{bare}."]
+    caption = [f"Labels: number of textures × the side in texels of a square texture of that size{bare}."]
     widest = max(points_of(rows), key=lambda point: len(point.rows))
     if len(widest.rows) > 1:
         mean = f"the mean of up to {of_repeats(len(widest.seeds), len(widest.splits))}"

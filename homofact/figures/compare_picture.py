@@ -154,7 +154,10 @@ def compare_picture(
     if samples is not None:
         swatch = _hatched(np.full((LINE - 4, 2 * LINE, 3), _GROUND), np.ones((LINE - 4, 2 * LINE), dtype=bool))
         page.picture(swatch, _GAP, end + 2)
-        words = "beyond the measurement: most of the light comes from directions that were not measured for this view"
+        words = (
+            "beyond the measurement: most of the light comes from directions that were not measured for this view;"
+            " areas narrower than 5% of the picture, as the rim, are not hatched but count in the share above each row"
+        )
         end = page.text(words, _GAP + 2 * LINE + 8, end, page.width - 3 * _GAP - 2 * LINE)
     page.text(
         f"Right of each fit: (fit − source) / (source + {FLOOR:.0%} of white) in luminance; red is too bright, blue too"
@@ -181,13 +184,14 @@ def _rows(reflectances: Sequence[Reflectance], size: int, to_rgb: ToRgb | None) 
     images = [list(row) for row in zip(*in_parallel(lit, reflectances), strict=True)]
     marks = beyond_the_measurement(reflectances[0], [DEFAULT_LIGHT, *surroundings], size)
     return [
-        _row(light, pictures, None if marks is None else marks[number].numpy())
+        _row(light, pictures, None if marks is None else marks[number])
         for number, (light, pictures) in enumerate(zip(LIGHTS, images, strict=True))
     ]
 
 
-def _row(light: str, images: list[SphereImage], beyond: np.ndarray | None) -> _Row:
+def _row(light: str, images: list[SphereImage], marks: tuple[Tensor, Tensor] | None) -> _Row:
     """Pictures and differences under one light, as they are shown."""
+    beyond, wide = (None, None) if marks is None else (each.numpy() for each in marks)
     exposure = automatic_exposure(images[0])
     toned = [tonemap(image, exposure, curve=DEFAULT_CURVE) for image in images]
     shown = [picture.pixels.numpy() / 255 for picture in toned]
@@ -197,13 +201,13 @@ def _row(light: str, images: list[SphereImage], beyond: np.ndarray | None) -> _R
     sizes = [np.abs(difference[known & np.isfinite(difference)]) for difference in differences]
     ranges = tuple(float(np.quantile(values, HELD)) if values.size else 0.0 for values in sizes)
     coloured = [_coloured(each) for each in differences]
-    if beyond is not None:
+    if wide is not None:
         ground = np.broadcast_to(np.array(_GROUND), shown[0].shape)
         shown = [
-            _hatched(np.where(beyond[..., None], ground, shown[0]), beyond),
-            *(_hatched(each, beyond) for each in shown[1:]),
+            _hatched(np.where(wide[..., None], ground, shown[0]), wide),
+            *(_hatched(each, wide) for each in shown[1:]),
         ]
-        coloured = [_hatched(np.where(beyond[..., None], ground, picture), beyond) for picture in coloured]
+        coloured = [_hatched(np.where(wide[..., None], ground, picture), wide) for picture in coloured]
     share = None if beyond is None else float(beyond[lit].mean()) if lit.any() else 0.0
     clipped = tuple(picture.clipped for picture in toned)
     return _Row(LightReport(light, exposure, DEFAULT_CURVE, clipped, ranges, share), shown, coloured)

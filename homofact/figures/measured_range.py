@@ -2,9 +2,9 @@
 
 A source that interpolates scattered samples is drawn everywhere, though a goniometer does not reach everywhere
 (`brdf.quality.extrapolation`). A pixel is marked where more than half of the light that falls on it comes from
-directions that were not measured together with the view; under a point light that is all of it or nothing. Marks that
-are nowhere as wide as `NARROWEST` of the picture are left out: a thin one, as beside the shadow or at the mirror
-direction between two angles of the light, looks like a defect of the material.
+directions that were not measured together with the view; under a point light that is all of it or nothing. Hatched are
+marks that are somewhere as wide as `NARROWEST` of the picture: hatching of a thin one, as beside the shadow, at the rim
+or at the mirror direction between two angles of the light, looks like a defect of the material.
 """
 
 import math
@@ -48,8 +48,8 @@ class _Part:
 
 def beyond_the_measurement(
     source: Reflectance, lights: Sequence[DirectionalLight | Surroundings], size: int
-) -> list[Tensor] | None:
-    """For each light whether a pixel is marked (size, size); None where nothing is interpolated from samples."""
+) -> list[tuple[Tensor, Tensor]] | None:
+    """For each light which pixels are marked and which of these hatched (size, size); None without samples."""
     samples = interpolated_samples(source)
     if samples is None:
         return None
@@ -67,5 +67,5 @@ def beyond_the_measurement(
         clear = binary_opening(marked.cpu().numpy(), np.ones((_THINNEST, _THINNEST))) & lit.cpu().numpy()
         side = math.ceil(NARROWEST * size)
         wide = binary_propagation(binary_opening(clear, np.ones((side, side))), mask=clear)
-        marks.append(torch.from_numpy(wide).to(lit.device))
+        marks.append((marked & lit, torch.from_numpy(wide).to(lit.device)))
     return marks

@@ -2,7 +2,7 @@
 
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from matplotlib.axes import Axes
@@ -27,8 +27,10 @@ _COLUMN: dict[str, Any] = {
 _BESIDE: dict[str, Any] = {"xycoords": ("axes fraction", "data"), "va": "center"}
 
 
-def plot_rows(path: str | os.PathLike[str], rows: Sequence[ComparisonRow | RepeatedRows]) -> None:
-    """Draw the six metrics of `rows` as dots on logarithmic axes into `path` (PNG, SVG or PDF by its ending).
+def plot_rows(path: str | os.PathLike[str], rows: Mapping[str, ComparisonRow | RepeatedRows]) -> None:
+    """Draw the six metrics of `rows`, by the labels of their methods, as dots on logarithmic axes.
+
+    `path` is a PNG, SVG or PDF by its ending.
 
     Each line of the panel is a method: a ring for the training samples joined to a dot for the held-out ones, with the
     numbers at the right. For several seeds or splits they are means, each with a line from the least to the greatest
@@ -36,8 +38,8 @@ def plot_rows(path: str | os.PathLike[str], rows: Sequence[ComparisonRow | Repea
 
     Raises BadInput if the file cannot be written.
     """
-    several = [row if isinstance(row, RepeatedRows) else RepeatedRows((row,)) for row in rows]
-    names = [_name(row) for row in several]
+    several = [row if isinstance(row, RepeatedRows) else RepeatedRows((row,)) for row in rows.values()]
+    names = [_name(label, row) for label, row in zip(rows, several, strict=True)]
     figure = Figure(figsize=(13, 1.6 + 2 * (0.5 + 0.3 * len(rows))))
     figure.set_layout_engine("constrained", wspace=0.04, hspace=0.08)
     axes = figure.subplots(2, 3, sharey=True)
@@ -85,14 +87,14 @@ def _dots(axis: Axes, spreads: Sequence[tuple[Spread, Spread]]) -> None:
             axis.annotate(f"{part.mean:.3g}", (1.0, place), (column, 0), color=colour, **_COLUMN | _BESIDE)
 
 
-def _name(several: RepeatedRows) -> str:
+def _name(label: str, several: RepeatedRows) -> str:
     sizes = dict.fromkeys(shapes([texture.size for texture in row.factorization.textures]) for row in several.rows)
     settings = several.first.settings
     if not several.first.factorization.textures:
         lobes = getattr(settings, "lobes", 0)
         return f"{settings.name}, {lobes} lobe{'' if lobes == 1 else 's'}" if lobes else settings.name
     if len(sizes) == 1:
-        return f"{settings.name}, {next(iter(sizes))}"
+        return f"{label}, {next(iter(sizes))}"
     # The table of costs has what each fit came out with.
     most = max(row.factorization.nbytes for row in several.rows)
-    return f"{settings.name}, up to {most:,} bytes"
+    return f"{label}, up to {most:,} bytes"

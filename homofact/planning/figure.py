@@ -202,7 +202,7 @@ def _name_points(figure: Figure, axes: Axes, distinct: tuple[MaterialPlan, ...])
             if not spot.chosen and (told or not (few or steps & set(spot.candidates))):
                 unnamed.append((spot.place, radius))
                 continue
-            words = ", ".join(dict.fromkeys(map(_short, spot.candidates)))
+            words = ", ".join(dict.fromkeys(_short(plan.walk.kept(each)) for each in spot.candidates))
             named.append(
                 PointLabel(words, spot.place, _COLOURS[k % len(_COLOURS)], spot.chosen, radius, not spot.chosen)
             )
@@ -227,7 +227,7 @@ def _used(axes: Axes, distinct: tuple[MaterialPlan, ...], bars: list[list[tuple[
         outcome, choice = plan.outcome, plan.walk.choice
         words = "nothing in the budget"
         if choice is not None and outcome is not None:
-            words = f"{choice.words}, {outcome.bytes} bytes"
+            words = f"{plan.walk.kept(choice).words}, {outcome.bytes} bytes"
         share = "" if plan.material.pixels is None else f", {plan.material.pixels} pixels"
         name = plan.name if len(plan.name) <= _MOST_LETTERS else plan.name[: _MOST_LETTERS - 1] + "…"
         # Beside the axes: inside they would run across the limit's line and, long as they are, beyond the panel.

@@ -52,11 +52,11 @@ def missed_words(plan: MaterialPlan, budget: Budget, shared: bool = False) -> st
         return f"{plan.name}: no representation fits the budget"
     if plan.walk.met:
         return ""
-    outcome = plan.walk.asked[choice]
+    outcome, words = plan.walk.asked[choice], plan.walk.kept(choice).words
     if not outcome.trusted:
         return (
             f"{plan.name}: no representation was found that meets the limits and has a trusted"
-            f" verdict{bound_by(plan, budget, shared)}; the closest, {choice.words}, meets the limits"
+            f" verdict{bound_by(plan, budget, shared)}; the closest, {words}, meets the limits"
         )
     limits = dict(plan.tolerance.limits)
     wanted, reached = [], []
@@ -71,5 +71,5 @@ def missed_words(plan: MaterialPlan, budget: Budget, shared: bool = False) -> st
     against = " against an interpolation of the samples" if compared else ""
     return (
         f"{plan.name}: no representation was found that meets {listed(wanted)}{bound_by(plan, budget, shared)};"
-        f" the closest, {choice.words}, reaches {listed(reached)}{against}"
+        f" the closest, {words}, reaches {listed(reached)}{against}"
     )

@@ -6,7 +6,7 @@ from typing import Any
 
 from homofact.planning.ladder import Candidate
 from homofact.planning.missed import missed_by_all
-from homofact.planning.neighbours import best_larger, larger, smaller
+from homofact.planning.neighbours import Neighbour, best_larger, larger, smaller
 from homofact.planning.plan import MaterialPlan, ScenePlan
 from homofact.planning.search import LadderOutcome
 from homofact.planning.theory import colour_error, terms_needed
@@ -59,7 +59,7 @@ def material_record(plan: MaterialPlan) -> dict[str, Any]:
         "highlight_pixels": plan.highlight_pixels,
         "choice": None
         if choice is None or outcome is None
-        else asdict(choice) | {"bytes": outcome.bytes, "fetches": outcome.fetches},
+        else asdict(plan.walk.kept(choice)) | {"bytes": outcome.bytes, "fetches": outcome.fetches},
         "met": plan.walk.met,
         "error": None if outcome is None else finite(outcome.value),
         "error_kind": None if outcome is None else outcome.kind,
@@ -67,9 +67,7 @@ def material_record(plan: MaterialPlan) -> dict[str, Any]:
         "trusted": _trusted(plan),
         "of_tolerance": None if outcome is None else finite(outcome.error),
         "missed_by": finite(plan.missed_by),
-        "smaller": None if (one := smaller(plan)) is None else one.record(),
-        "larger": None if (one := larger(plan)) is None else one.record(),
-        "best_larger": None if (one := best_larger(plan)) is None else one.record(),
+        **{step.__name__: _step(plan, step(plan)) for step in (smaller, larger, best_larger)},
         "measured": {
             judge.lighting.name: {kind: finite(value) for kind, value in asdict(errors).items()}
             for judge, errors in zip(plan.judges, plan.errors, strict=False)
@@ -83,6 +81,11 @@ def material_record(plan: MaterialPlan) -> dict[str, Any]:
         "asked": [_asked(plan, rung, answer) for rung, answer in plan.walk.asked.items()],
         "verdict": None if verdict is None else verdict.record(),
     }
+
+
+def _step(plan: MaterialPlan, one: Neighbour | None) -> dict[str, Any] | None:
+    """A representation beside the choice, with as many textures as its fit kept."""
+    return None if one is None else one.record() | asdict(plan.walk.kept(one.candidate))
 
 
 def _trusted(plan: MaterialPlan) -> bool | None:

@@ -14,11 +14,12 @@ that was not measured.
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import torch
 from torch import Tensor
 
+from homofact.methods.search import Search
 from homofact.planning.ladder import WHOLE, Candidate, fits_among
 
 DOUBT = 0.05
@@ -85,6 +86,13 @@ class Walk:
     def fits(self) -> int:
         """Fits that the questions took."""
         return fits_among(self.asked)
+
+    def kept(self, candidate: Candidate) -> Candidate:
+        """Return the rung with as many textures as a search kept, which may be fewer than it was allowed."""
+        answer = self.asked.get(candidate)
+        if answer is None or candidate.method != Search.name or not answer.terms:
+            return candidate
+        return replace(candidate, textures=answer.terms)
 
 
 Ask = Callable[[Candidate], LadderOutcome]

@@ -52,7 +52,7 @@ def picture(
     corners = group.triangles
     values = np.concatenate(colours).astype(np.float64)
     hit = triangle >= 0
-    behind = np.broadcast_to(light.look_up(torch.from_numpy(flat))[0].numpy(), flat.shape)
+    behind = np.broadcast_to(light.between(torch.from_numpy(flat)).numpy(), flat.shape)
     beside = lit[0].sunlight if lit else None
     lights = () if beside is None else beside.lights
     for sun in () if beside is None else beside.suns:

@@ -111,6 +111,25 @@ class EnvironmentMap:
         level = self.radiance.reshape(-1, channels)
         return level[texel], self._means[texel] / self._running[-1]
 
+    def between(self, directions: Tensor) -> Tensor:
+        """Return radiance (..., C) of unit world directions (..., 3), straight lines between texels' centres.
+
+        It is for backgrounds, in which texels would be seen; light is that of `look_up`.
+        """
+        rows, columns, _ = self.radiance.shape
+        directions = directions.to(self.radiance)
+        turns = (torch.atan2(directions[..., 0], -directions[..., 2]) + self.turn) / (2 * torch.pi) + 0.5
+        colatitude = torch.atan2(torch.hypot(directions[..., 0], directions[..., 2]), directions[..., 1]) / torch.pi
+        x, y = torch.remainder(turns, 1.0) * columns - 0.5, (colatitude * rows - 0.5).clamp(0, rows - 1)
+        left, upper = x.floor(), y.floor()
+        columns_at = [torch.remainder(left + k, columns).to(torch.int64) for k in (0, 1)]
+        rows_at = [(upper + k).clamp_max(rows - 1).to(torch.int64) for k in (0, 1)]
+        along, down = (x - left)[..., None], (y - upper)[..., None]
+        above, below = (
+            torch.lerp(self.radiance[row, columns_at[0]], self.radiance[row, columns_at[1]], along) for row in rows_at
+        )
+        return torch.lerp(above, below, down)
+
     def draw(self, points: Tensor) -> Tensor:
         """Return unit world directions (..., 3) of points (..., 2) of the unit square.
 

@@ -135,7 +135,7 @@ def test_splits_are_compared_one_by_one(capsys: pytest.CaptureFixture[str]) -> N
     assert main(line) == 0
     out = " ".join(capsys.readouterr().out.split())
     assert "standard deviation of 3 fits on different splits" in out
-    assert f"{pair['other']} {lower} of 3 {brief_figure(min(ratios))} to {brief_figure(max(ratios))}" in out
+    assert f"{pair['other']} {lower} of 3 {brief_figure(min(ratios))}–{brief_figure(max(ratios))}" in out
     assert "split 2 (trusted:" in out
 
 

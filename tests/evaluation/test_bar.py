@@ -192,7 +192,7 @@ def test_light_in_unmeasured_directions_is_named_where_it_is_more_than_the_bar()
     assert "75°" in found.extrapolated_sentence()
     # The sentence states the limit of the other angles, and names this one.
     assert f"within {percent(max(bar.error or 0 for bar in found.by_angle[:-1]))} at " in found.sentence()
-    assert f"° (partly extrapolated at 75°: within {percent(wrong.error or 0)})" in found.sentence()
+    assert f"° and within {percent(wrong.error or 0)} at 75° (partly extrapolated)" in found.sentence()
     assert "extrapolated" not in whole.sentence()
     assert found.interval("albedo", 75).unmeasured == wrong.unmeasured
     again = ErrorBars.of_record(found.record())
@@ -338,4 +338,4 @@ def test_extrapolated_angles_between_others_are_named_apart() -> None:
         for at, (error, share) in errors.items()
     )
     bars = ErrorBars((ErrorBar("albedo", BarKind.RIGHT, 0.04, 0.9, (0.0, 60.0)),), by_angle)
-    assert "within 4% at 0–30° and 60° (partly extrapolated at 45°: within 3%)" in bars.sentence()
+    assert "within 4% at 0–30° and 60° and within 3% at 45° (partly extrapolated)" in bars.sentence()

@@ -225,7 +225,13 @@ def test_latex_writes_each_method_as_papers_do(name: str) -> None:
     assert row[0].lower() == name
     assert row[0] != name
     (_, row) = cells(latex_of([fit("paint", f"{name}:wi+h", 0, 4, 1.0)]))
-    assert row[0].lower() == f"{name}:wi+h"
+    assert row[0].lower() == f"{name} (wi+h)"
+
+
+def test_latex_has_no_options_in_its_names() -> None:
+    for label, words in (("ggx:1", "GGX (1 lobe)"), ("ggx:2", "GGX (2 lobes)"), ("svd:half-diff", "SVD (half-diff)")):
+        (_, row) = cells(latex_of([fit("paint", label, 0, 4, 1.0)]))
+        assert row[0] == words
 
 
 def test_a_name_cannot_leave_its_comment_or_its_cell() -> None:

@@ -12,7 +12,7 @@ from homofact.rendering.light import DEFAULT_LIGHT
 
 
 def marks_of(known: torch.Tensor, whole: torch.Tensor, monkeypatch: pytest.MonkeyPatch) -> torch.Tensor:
-    """The marks where the sphere has the light `whole` (N, N), and `known` of it from measured directions."""
+    """What is hatched where the sphere has the light `whole` (N, N), and `known` of it from measured directions."""
 
     def rendered(part: Any, light: object, size: int) -> Any:
         return SimpleNamespace(radiance=(known if part == "known" else whole)[..., None])
@@ -23,8 +23,10 @@ def marks_of(known: torch.Tensor, whole: torch.Tensor, monkeypatch: pytest.Monke
     monkeypatch.setattr(measured_range.FilteredMaterial, "of", lambda part, fineness: part)
     monkeypatch.setattr(measured_range, "render_sphere", rendered)
     source: Reflectance = None  # pyright: ignore[reportAssignmentType]
-    (marks,) = measured_range.beyond_the_measurement(source, [DEFAULT_LIGHT], len(whole)) or []
-    return marks
+    ((marked, hatched),) = measured_range.beyond_the_measurement(source, [DEFAULT_LIGHT], len(whole)) or []
+    # Every pixel that shows more than was measured is counted, hatched or not.
+    assert torch.equal(marked, (whole > 0) & (known < 0.5 * whole))
+    return hatched
 
 
 def test_a_region_is_marked_and_a_single_pixel_is_not(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -65,7 +65,8 @@ def material(name: str, choice: Candidate, **asked: tuple[Candidate, int, float]
         candidate: SimpleNamespace(bytes=size, error=error, fetches=1) for candidate, size, error in asked.values()
     }
     return SimpleNamespace(
-        name=name, walk=SimpleNamespace(asked=found, choice=choice, met=True), outcome=found[choice], judges=(),
+        name=name, walk=SimpleNamespace(asked=found, choice=choice, met=True, kept=lambda rung: rung),
+        outcome=found[choice], judges=(),
         errors=(), material=SimpleNamespace(pixels=None), budget=NO_BUDGET, tolerance=Tolerance((("reflected", 0.2),)),
     )  # fmt: skip
 

@@ -160,7 +160,7 @@ def test_judging_the_choices_says_how_long_the_rest_of_them_takes(monkeypatch: p
         """A material whose verdict takes twice as long as modelled."""
 
         def __init__(self, name: str, samples: int, choice: Candidate | None = FIRST) -> None:
-            self.name, self.walk = name, SimpleNamespace(choice=choice)
+            self.name, self.walk = name, SimpleNamespace(choice=choice, kept=lambda rung: rung)
             self.fits = SimpleNamespace(source=SimpleNamespace(samples=range(samples)))
 
         @property

@@ -72,3 +72,11 @@ def test_the_record_and_the_folders_keep_them_apart(found: ScenePlan, tmp_path: 
     assert rows["met"] == "for 2 of 2 materials"
     assert "its own: Cole error at most 0.2" in rows["material near"]
     assert "its own" not in rows["material far again"]
+    # The steps are those of the record, with what they use of the limit.
+    for name, entry in (("far again", record["materials"][0]), ("near", record["materials"][1])):
+        for step in ("smaller", "larger"):
+            found_step = entry[step]
+            assert (f"{step} {name}" in rows) == (found_step is not None)
+            if found_step is not None:
+                assert f"{found_step['bytes']} byte" in rows[f"{step} {name}"]
+                assert rows[f"{step} {name}"].endswith("the limit")

@@ -105,3 +105,24 @@ def test_other_bad_light():
         DirectionalLight((0, math.nan, 1))
     with pytest.raises(BadInput, match="radiance"):
         DirectionalLight((0, 0, 1), -1.0)
+
+
+def test_between_centres_radiance_is_mixed_and_at_them_it_is_the_texel() -> None:
+    level = torch.rand((6, 12, 3), generator=torch.Generator().manual_seed(3), dtype=torch.float64)
+    sky = EnvironmentMap(level, turn=0.7)
+    row, column = torch.meshgrid(torch.arange(6), torch.arange(12), indexing="ij")
+
+    def towards(rows: torch.Tensor, columns: torch.Tensor) -> torch.Tensor:
+        """The direction at a place counted in texels from the map's corner."""
+        polar, azimuth = rows.double() / 6 * math.pi, (columns.double() / 12 - 0.5) * 2 * math.pi - sky.turn
+        return torch.stack((polar.sin() * azimuth.sin(), polar.cos(), -polar.sin() * azimuth.cos()), -1)
+
+    centres = towards(row + 0.5, column + 0.5)
+    assert torch.allclose(sky.between(centres), level)
+    assert torch.allclose(sky.look_up(centres)[0], level)
+    # Halfway to the next column, around the seam of the map too, and to the next row.
+    assert torch.allclose(sky.between(towards(row + 0.5, column + 1.0)), (level + level.roll(-1, 1)) / 2)
+    down = (level[:-1] + level[1:]) / 2
+    assert torch.allclose(sky.between(towards(row[:-1] + 1.0, column[:-1] + 0.5)), down)
+    # Over a pole the nearest row stays.
+    assert torch.allclose(sky.between(towards(row[:1] + 0.1, column[:1] + 0.5)), level[:1])

@@ -243,7 +243,7 @@ class ErrorBars:
         angles, others = (_angles(some, self.by_angle) for some in (relied_on, extrapolated))
         found = f"{WORDS[albedo.quantity]} within {percent(error)} at {angles}"
         beyond = max(bar.error or 0.0 for bar in extrapolated)
-        return f"{found} (partly extrapolated at {others}: within {percent(beyond)})"
+        return f"{found} and within {percent(beyond)} at {others} (partly extrapolated)"
 
     def by_angle_sentence(self) -> str:
         """Return at which angles of incidence the fit is good and at which bad, in a sentence.

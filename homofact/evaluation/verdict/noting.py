@@ -242,8 +242,8 @@ _NOTES = (
           "{value:.0%} of the held-out light is cut at zero, expected at most {most:.0%}",
           "a larger epsilon, or more terms"),
     _Note("energy", _F, lambda n: _too_bright(n) if _beyond(n) else None, LARGEST_ALBEDO,
-          "the fit's directional albedo is {value:.3g} at θi = {noted.figures.light.albedo_at:g}°, beyond the measured"
-          " {noted.figures.coverage.highest:.0f}°, expected at most {most:g}",
+          "the fit's directional albedo is {value:.3g} at θi = {noted.figures.light.albedo_at:g}°, expected at most"
+          " {most:g}; the largest measured angle of light or view is {noted.figures.coverage.highest:.0f}°",
           "measure larger angles, or do not rely on the fit there", feature="energy"),
     _Note("energy", _F, lambda n: None if _beyond(n) else _too_bright(n), LARGEST_ALBEDO,
           "the fit's directional albedo is {value:.3g} at θi = {noted.figures.light.albedo_at:g}°, expected at most"

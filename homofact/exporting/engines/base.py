@@ -20,12 +20,14 @@ from homofact.shading.encoding import Encoded
 class Added:
     """`files` by name, text or bytes; `looks` are reflectances in them other than the fit, by what they are called.
 
-    `light` is how the fit itself reflects the engine's own sky, where it does.
+    `light` is how the fit itself reflects the engine's own sky, where it does. `shipped` are the names of all files
+    that the engine needs, where these are only a few of them.
     """
 
     files: Mapping[str, str | bytes]
     looks: Mapping[str, Reflectance] = field(default_factory=dict)
     light: UnderSkies | None = None
+    shipped: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -52,7 +54,7 @@ def check_colour(made: Exported, engine: str) -> None:
 def fit_notes(made: Exported) -> str:
     """Return paragraphs of Markdown with the edits of a fit and its verdict, each after an empty line; "" for none."""
     edits = edits_in_words(made.stored.provenance)
-    notes = [f"The fit was edited: {in_markdown(edits)}."] if edits else []
+    notes = [f"The fit was edited: {in_markdown(edits)}. Its errors before the edit come on top."] if edits else []
     if made.verdict is not None:
         notes.append(f"homofact's verdict on the fit: {in_markdown(made.verdict['summary'])}.")
     return "".join(f"\n\n{note}" for note in notes)

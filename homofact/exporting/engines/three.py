@@ -60,12 +60,12 @@ def _files(made: Exported) -> Added:
         "type": "module",
         "main": "index.js",
         "exports": {".": "./index.js"},
-        "files": ["index.js", "index.html", "README.md", "manifest.json", "brdf.glsl"],
+        "files": ["index.js", "index.html", "README.md"],
         "peerDependencies": {"three": ">=0.160.0"},
     }
     names = {
         "NAME": in_markdown(called), "PACKAGE": package["name"], "VERSION": __version__, "ERRORS": light.off(),
-        "NOTES": fit_notes(made),
+        "NOTES": fit_notes(made), "TANGENTS": "" if isotropic else _TANGENTS,
     }  # fmt: skip
     return Added(
         {
@@ -76,7 +76,16 @@ def _files(made: Exported) -> Added:
             "README.md": template("three.md", **names),
         },
         light=light,
+        shipped=("index.js", "package.json"),
     )
+
+
+_TANGENTS = """
+The fit is anisotropic. It has the x axis of its source (azimuth φ = 0) along the tangent t, and its y axis (φ = 90°)
+along n × t. The tangent is the direction of increasing longitude around the object's y axis. To use the tangents of the
+geometry, write `new BrdfMaterial({ vertexTangents: true })`. If a model has texture coordinates but no tangents, the
+example page computes them with three's `computeTangents`.
+"""
 
 
 def _texture(texels: np.ndarray, kind: str) -> dict[str, Any]:
