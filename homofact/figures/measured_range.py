@@ -2,9 +2,9 @@
 
 A source that interpolates scattered samples is drawn everywhere, though a goniometer does not reach everywhere
 (`brdf.quality.extrapolation`). A pixel is marked where more than half of the light that falls on it comes from
-directions that were not measured together with the view; under a point light that is all of it or nothing. Hatched are
-marks that are somewhere as wide as `NARROWEST` of the picture: hatching of a thin one, as beside the shadow, at the rim
-or at the mirror direction between two angles of the light, looks like a defect of the material.
+directions that were not measured together with the view; under a point light that is all of it or nothing. Hatched is
+what is as wide as `NARROWEST` of the picture, with what is as near to it: hatching of a thin mark, as beside the shadow,
+at the rim or at the mirror direction between two angles of the light, looks like a defect of the material.
 """
 
 import math
@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import torch
-from scipy.ndimage import binary_opening, binary_propagation
+from scipy.ndimage import binary_dilation, binary_opening
 from torch import Tensor
 
 from homofact.brdf.quality.extrapolation import Extrapolation
@@ -66,6 +66,6 @@ def beyond_the_measurement(
         marked = (known < LEAST * whole) | ~lit
         clear = binary_opening(marked.cpu().numpy(), np.ones((_THINNEST, _THINNEST))) & lit.cpu().numpy()
         side = math.ceil(NARROWEST * size)
-        wide = binary_propagation(binary_opening(clear, np.ones((side, side))), mask=clear)
+        wide = binary_dilation(binary_opening(clear, np.ones((side, side))), iterations=side, mask=clear)
         marks.append((marked & lit, torch.from_numpy(wide).to(lit.device)))
     return marks

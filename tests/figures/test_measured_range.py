@@ -49,12 +49,14 @@ def test_a_thin_mark_is_left_out_beside_the_unlit_side_too(monkeypatch: pytest.M
         assert int(marks_of(known, whole, monkeypatch).sum()) == marked
 
 
-def test_what_is_wide_somewhere_is_marked_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_thin_parts_are_hatched_near_a_wide_one_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     whole = torch.ones((80, 80))
     known = whole.clone()
     known[10:20, 10:20] = 0
     known[12:15, 20:60] = 0
     known[60:63, 10:60] = 0
     marks = marks_of(known, whole, monkeypatch)
-    assert marks[12:15, 20:60].all()
-    assert int(marks.sum()) == 100 + 120
+    # A wide part is whole, with four pixels of its tail.
+    assert marks[10:20, 10:20].all()
+    assert marks[12:15, 20:24].all()
+    assert int(marks.sum()) == 100 + 12
