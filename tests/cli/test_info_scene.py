@@ -204,7 +204,7 @@ def test_a_plan_s_folder_is_described(tmp_path: Path, capsys: pytest.CaptureFixt
         for words in (
             "shop", "mean ΔE at most 1", "studio", "for 2 of 3 materials", "bytes 108", "1.5 per pixel",
             "2 textures of 4², 8 bits (search); 96 bytes, 3 fetches; mean ΔE 0.698 under studio, 80% of the limit; in"
-            " 1-paint", "material gold, 40 pixels", "closest: one colour; 12 bytes, 0 fetches;", "12 × of the limit",
+            " 1-paint", "material gold, 40 pixels", "closest: one colour; 12 bytes, 0 fetches;", "12 × the limit",
             "no representation fits the budget", "trusted; measured against the source",
             "gold: no representation was found",
         ):  # fmt: skip
