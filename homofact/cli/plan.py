@@ -236,7 +236,7 @@ def _reference_lines(found: "ScenePlan") -> list[str]:
         return []
     line = (
         f"{listed([each.name for each in modelled])}: light is compared with an interpolation of the samples. Beyond"
-        " the measured angles it follows a GGX model, which favours GGX choices there."
+        " the measured angles the interpolation follows a GGX model, which favours GGX choices there."
     )
     if not all("cole" in each.tolerance.kinds for each in modelled):
         line += " To judge choices at the samples too, add a limit on cole."

@@ -149,7 +149,7 @@ def cost_table(records: Mapping[str, Mapping[str, Any]]) -> Table:
         seconds = record["seconds"]
         table.add_row(
             Text(label),
-            shapes(record["shapes"]),
+            _shapes(record),
             *(str(record[name]) for name in ("bytes", "fetches")),
             f"{record['evaluations']:.0f}",
             f"{seconds['fit']:.3g}",
@@ -161,6 +161,15 @@ def cost_table(records: Mapping[str, Mapping[str, Any]]) -> Table:
             spreads = (spread["evaluations"], spread["seconds"]["fit"], spread["seconds"]["total"])
             table.add_row("", "", "", "", *(Text(_under(one), "dim") for one in spreads), "")
     return table
+
+
+def _shapes(record: Mapping[str, Any]) -> str:
+    """The textures of a fit; of several fits that came out with different ones, how many they have."""
+    every = [row["shapes"] for row in record.get("rows", (record,))]
+    if all(own == every[0] for own in every):
+        return shapes(every[0])
+    low, high = (end(map(len, every)) for end in (min, max))
+    return f"{low if low == high else f'{low}–{high}'}, sizes differ"
 
 
 def size_table(records: Mapping[str, Mapping[str, Any]]) -> Table:
@@ -279,19 +288,18 @@ def chart_table(
     table = plain_table(title)
     add_names(table, longest=max(len(series_name(record["label"], record["search"])) for record in records))
     spread = any("spread" in record for record in records)
-    over = (f"± {repeated_by(*_most_repeats(records))}",) if spread else ()
+    error = f"error\n± {repeated_by(*_most_repeats(records))}" if spread else "error"
     several = _most_repeats(records)[1] > 1
-    over += ("loses\nto best",) if several else ()
-    add_figures(table, *("textures", "error", *over, "of\nMcCool", "bytes", "fetches", "fit s"))
+    over = ("loses\nto best",) if several else ()
+    add_figures(table, *("textures", error, *over, "of\nMcCool", "bytes", "fetches", "fit s"))
     for record, lost in zip(records, losses, strict=True):
         held = record["error"]["held_out"]["log_mse"]
         on_splits = "best" if lost is None else f"{lost} of {len(record.get('splits', [0]))}"
-        luck = _under(record["spread"]["error"]["held_out"]["log_mse"]) if "spread" in record else ""
+        luck = f"\n{_under(record['spread']['error']['held_out']['log_mse'])}" if "spread" in record else ""
         table.add_row(
             Text(series_name(record["label"], record["search"])),
             _texels(record) or "–",
-            Text(figure(held), "bold"),
-            *((luck,) if spread else ()),
+            Text.assemble((figure(held), "bold"), (luck, "dim")),
             *((on_splits,) if several else ()),
             "–" if base is None else f"×{held / base:.2f}" if held >= 0.1 * base else f"×{held / base:.2g}",
             *(str(record[name]) for name in ("bytes", "fetches")),

@@ -249,6 +249,9 @@ def settings_in_words(settings: Any) -> str:
         given["textures"] = f"up to {settings.most_textures}"
     if given.get("effort") in DESCENDING and own.get("projections") is None:
         given.pop("restarts", None)
+    if settings.name in ("svd", "nmf"):
+        # Each has two textures, unless they are the same.
+        given = {"terms" if name == "textures" else name: value for name, value in given.items()}
     return ", ".join(name if value is True else f"{name} {value}" for name, value in given.items())
 
 

@@ -74,7 +74,7 @@ class UnderSkies(ABC):
     def off(self) -> str:
         """A sentence: how far a sphere is off."""
         shown = ", ".join(f"{error:.1%} ({name})" for name, error in self.errors.items())
-        return f"A sphere is off by {shown}, relative RMS against the exact integration."
+        return f"A sphere under a sky differs from the fit by {shown}, relative RMS; the fit's own error comes on top."
 
     def measured(self) -> dict[str, Any]:
         """The errors, JSON-able, and what they are."""

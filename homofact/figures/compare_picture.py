@@ -156,7 +156,8 @@ def compare_picture(
         page.picture(swatch, _GAP, end + 2)
         words = (
             "beyond the measurement: most of the light comes from directions that were not measured for this view;"
-            " areas narrower than 5% of the picture, as the rim, are not hatched but count in the share above each row"
+            " areas narrower than 5% of the picture, such as the rim, are not hatched, but count in the share above"
+            " each row"
         )
         end = page.text(words, _GAP + 2 * LINE + 8, end, page.width - 3 * _GAP - 2 * LINE)
     page.text(

@@ -3,7 +3,7 @@
 A source that interpolates scattered samples is drawn everywhere, though a goniometer does not reach everywhere
 (`brdf.quality.extrapolation`). A pixel is marked where more than half of the light that falls on it comes from
 directions that were not measured together with the view; under a point light that is all of it or nothing. Hatched is
-what is as wide as `NARROWEST` of the picture, with what is as near to it: hatching of a thin mark, as beside the shadow,
+what is as wide as `NARROWEST` of the picture, with what is as near to it: hatching of a thin mark, beside the shadow,
 at the rim or at the mirror direction between two angles of the light, looks like a defect of the material.
 """
 

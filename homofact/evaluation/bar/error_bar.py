@@ -333,15 +333,15 @@ def _within(run: list[ErrorBar]) -> str:
 
 
 def percent(error: float) -> str:
-    """A limit as a share in words, rounded up: 0.4%, 1.5%, 5%, 12%; a factor of two digits if it is over 100%.
+    """A limit as a share in words, rounded up: 0.4%, 2.1%, 5%, 12%; a factor of two digits if it is over 100%.
 
-    It is at least 0.1%. From 2% on it is whole.
+    It is at least 0.1%. From 5% on it is whole.
     """
     if math.isinf(error):
         return "an infinite factor"
     if error > 1:
         return f"a factor of {_up(1 + error, 10 ** (math.floor(math.log10(1 + error)) - 1)):.2g}"
-    return f"{_up(100 * max(error, 0.001), 0.1 if error < 0.02 else 1):.3g}%"
+    return f"{_up(100 * max(error, 0.001), 0.1 if error < 0.05 else 1):.3g}%"
 
 
 def _up(value: float, step: float) -> float:

@@ -1,4 +1,4 @@
-// A measured BRDF as a three.js material: three's physical material with its direct light replaced.
+// A measured BRDF as a three.js material: three's physical material, its light replaced by that of the fit.
 //
 //     import { BrdfMaterial } from "...";
 //     mesh.material = new BrdfMaterial();

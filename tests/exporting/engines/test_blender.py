@@ -127,7 +127,7 @@ def test_the_engine_and_what_it_refuses() -> None:
     assert added.light.errors == {"a sky": 0.02}
     head = ast.get_docstring(ast.parse(str(added.files[NAME]))) or ""
     assert "one Diffuse BSDF and two Glossy BSDFs" in head
-    assert "\nA sphere is off by 2.0% (a sky), relative RMS against the exact integration.\n" in head
+    assert "\nA sphere under a sky differs from the fit by 2.0% (a sky), relative RMS;" in head
     texture = random_texture(6, 5, 1, 2)
     two = factorization((fixed_projection("h", True), texture), mean=(0.3, 0.2))
     with pytest.raises(BadInput, match="blender: found channels 0, 1, expected R, G, B or one alone"):
