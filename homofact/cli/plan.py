@@ -121,7 +121,7 @@ def _show(found: "PlanResult", screen: Screen) -> None:
     doubted = doubt_lines(found.verdicts, found.missed)
     screen.show(*(Text(doubts, "bold red") for doubts in doubted))
     if doubted and not all(each.tolerance.trusted for each in plan.distinct):
-        screen.show("For choices that their verdicts trust, add trusted = true to the tolerance.")
+        screen.show("To get only choices that their verdicts trust, add trusted = true to the tolerance.")
     screen.show("", evidence_table(plan), *map(Text, _lines(plan, found.against)))
     verdicts = [hanging(line, len("  - " if line.startswith(" ") else "  ")) for line in finding_lines(found.verdicts)]
     screen.show(*([""] if verdicts else []), *verdicts)
