@@ -108,17 +108,19 @@ def _no_better(plan: "MaterialPlan", best: "Neighbour | None") -> tuple[str, str
     from homofact.planning.neighbours import NEAR
 
     if best is None:
-        return "nothing: there is no larger candidate", "–", "–"
+        return "there is no larger candidate", "–", "–"
     if not best.measured:
-        return f"nothing: no candidate of up to {NEAR} × the bytes is expected to err clearly less", "–", "–"
+        return f"none helps: no candidate of up to {NEAR} × the bytes is expected to err clearly less", "–", "–"
     assert plan.outcome is not None
     tried = sum(answer.bytes > plan.outcome.bytes for answer in plan.walk.asked.values())
-    less = "hardly less" if best.error < plan.outcome.error else "no less"
+    less = "hardly a smaller" if best.error < plan.outcome.error else "no smaller"
     own = f"{plan.walk.kept(best.candidate).words} ({best.bytes} bytes, {_used(best)})"
     if tried == 1:
-        words = f"nothing: {own}, errs {less}; others of up to {NEAR} × the bytes are expected to gain little"
+        words = (
+            f"none helps: {own} has {less} error, and others of up to {NEAR} × the bytes are expected to gain little"
+        )
     else:
-        words = f"nothing: {tried} were tried and err {less}, the best of them {own}"
+        words = f"none helps: {tried} were tried and have {less} error, the best of them {own}"
     return words, "–", "–"
 
 

@@ -88,10 +88,10 @@ _COARSE = math.sqrt(2)
 _ASIDE = ("psnr", "below_zero", "vertices")
 _BESIDE = 4  # objects of a table of errors
 _ERRORS = (
-    "Relative RMS error of the light towards the first camera, the only one compared (picture: total error at pixels,"
-    " with the interpolation between vertices; together: total error at vertices; rim: total error at vertices seen at"
-    " cosθ below 0.2; other rows: the error of one stage alone). The reference is lit with the same fits, so their own"
-    " errors are not included: see their verdicts"
+    'Relative RMS error of the light towards the first camera, the only one compared. Row "picture": all errors, at'
+    ' pixels. Row "together": all errors but the interpolation between vertices, at vertices. Row "rim": the same at'
+    " vertices seen at cosθ below 0.2. Other rows: the error of one stage alone. The reference is lit with the same"
+    " fits, so their own errors are not included: see their verdicts"
 )
 
 

@@ -78,10 +78,16 @@ class LitObject:
         """The same (S, 3) float64 mixed at points between vertices, with the texture's colour and normal there."""
         if self.tilted is not None:
             return self._tilted_at(points)
+        seen = points.of_facing(self._facing(eye))
         if self.tint is None:
-            return points.mixed(shaded(self.transport, self.tuples, eye).astype(np.float64))
-        plain, tinted = (points.mixed(each.astype(np.float64)) for each in self._parts(eye))
+            return seen.mixed(shaded(self.transport, self.tuples, eye).astype(np.float64))
+        plain, tinted = (seen.mixed(each.astype(np.float64)) for each in self._parts(eye))
         return plain + tinted * self.tint.between(points.corners, points.shares)
+
+    def _facing(self, eye: Sequence[float] | np.ndarray) -> np.ndarray:
+        """Which vertices (V,) face a point."""
+        made = self.transport
+        return (made.frames[:, 2] * (checked_eye(eye) - made.positions)).sum(1) > 0
 
     def _tilted_at(self, points: SurfacePoints) -> np.ndarray:
         """The light (S, 3) of the terms under mapped normals; 0 where a point is seen from behind."""

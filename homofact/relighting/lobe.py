@@ -5,7 +5,7 @@ of the sky that the lobe reaches (`lobe_kernels`), some hundreds a vertex whatev
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -71,6 +71,20 @@ class SurfacePoints:
     def mixed(self, values: np.ndarray) -> np.ndarray:
         """Values (S, C) between those of the vertices (V, C)."""
         return (values[self.corners] * self.shares[..., None]).sum(1)
+
+    def of_facing(self, facing: np.ndarray) -> "SurfacePoints":
+        """The same with shares of those corners alone whose vertices (V,) face the viewer, where any does.
+
+        A vertex that is turned away sends nothing to the viewer: mixed in, it darkens the outline.
+        """
+        return replace(self, shares=facing_shares(self.shares, facing[self.corners]))
+
+
+def facing_shares(shares: np.ndarray, facing: np.ndarray) -> np.ndarray:
+    """Shares (S, 3) of the corners that face the viewer (S, 3), their sum 1; unchanged where none does."""
+    own = shares * facing
+    total = own.sum(1, keepdims=True)
+    return np.where(total > 0, own / np.where(total > 0, total, 1.0), shares)
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from homofact.meshes.mesh import Mesh
 from homofact.meshes.occlusion import Occluder
 from homofact.relighting.lit import LitObject
 from homofact.relighting.lit_points import LitPoints
-from homofact.relighting.lobe import PointSight, SurfacePoints
+from homofact.relighting.lobe import PointSight, SurfacePoints, facing_shares
 from homofact.relighting.mapped_points import bent_back, mapped_points
 from homofact.rendering.light import EnvironmentMap
 from homofact.rendering.sphere import SphereImage
@@ -58,7 +58,9 @@ def picture(
     for sun in () if beside is None else beside.suns:
         behind = behind + np.where(flat @ sun.direction > np.cos(sun.radius), 1.0, 0.0)[:, None] * sun.radiance()
     found, cover = behind.copy(), hit.astype(np.float64)
-    found[hit] = (values[corners[triangle[hit]]] * weights[hit][..., None]).sum(1)
+    facing = np.concatenate([(mesh.normals * (np.array(camera.eye) - mesh.positions)).sum(1) > 0 for mesh in meshes])
+    shares = facing_shares(weights[hit], facing[corners[triangle[hit]]])
+    found[hit] = (values[corners[triangle[hit]]] * shares[..., None]).sum(1)
     first = 0
     for number, mesh in enumerate(meshes):
         rays = np.flatnonzero((triangle >= first) & (triangle < first + len(mesh.triangles)))
