@@ -89,7 +89,7 @@ def compare(
     others = [place for place in asked.sources if not (RESULT.is_at(Path(place)) or EXPORT.is_at(Path(place)))]
     missing = [place for place in others if not (place.startswith("material:") or Path(place).exists())]
     if missing and len(others) < len(asked.sources):
-        raise BadInput(where=missing[0], found="no such folder", expected="the folder of a fit, since others are given")
+        raise BadInput(where=missing[0], found="no such folder", expected="the folder of a fit, like the other ones")
     if asked.sources and not others:
         made_anew = {"seeds": seeds != "1", "splits": splits != 1, "strict": bool(strict), "refuse": bool(refuse)}
         made_anew |= {name: getattr(asked, name) is not None for name in ("chart", "csv", "latex")}

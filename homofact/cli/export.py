@@ -164,10 +164,7 @@ def _warnings(found: ExportResult) -> list[str]:
     verdict = found.verdict
     why = found.caution
     if not found.source_found:
-        from homofact.evaluation.reopening import OF_EDITED
-
-        hint = "" if found.caution == OF_EDITED else "; name it by --source"
-        why = f"errors on samples are not measured: {found.caution}{hint}"
+        why = f"errors on samples are not measured: {found.caution}; --source names a file of samples"
     told = [
         f"read the verdict before you ship: {verdict['summary']}" if verdict and _is_doubted(found) else "",
         "" if found.likeness is None else found.likeness.warning_of(found.prefiltered is not None),

@@ -86,6 +86,6 @@ def _show(found: "InfoResult", screen: Screen) -> None:
     screen.show(facts_table(found.name, rows), *(Text(with_options(line)) for line in found.mended))
     if found.suspected:
         lines = [hanging(f"- {suspicion.line()}", len("- ")) for suspicion in found.suspected]
-        screen.show("Suspected faults of the data, with the odds that there is the fault:", *lines)
+        screen.show("Suspected faults of the data, with the odds of each:", *lines)
         names = "+".join(suspicion.name for suspicion in found.suspected)
         screen.show(f"If you have checked these and the data are right, add --dismiss {names}, also when you fit.")

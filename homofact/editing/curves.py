@@ -131,9 +131,9 @@ def widened(curve: Bands, factor: float) -> Bands:
     """
     if not (math.isfinite(factor) and factor > 0):
         raise BadInput(where="factor", found=factor, expected="a number above 0")
-    middles = (torch.arange(curve.count, dtype=torch.float64) + 0.5) / curve.count
-    gamma = RIGHT_ANGLE * (middles**2 if curve.finer else middles)
-    place = (band_place(gamma / factor, curve.count, curve.finer) - 0.5).clamp(0, curve.count - 1)
+    middles = torch.arange(curve.count, dtype=torch.float64) + 0.5
+    # Finer bands count the roots of angles.
+    place = (middles / (math.sqrt(factor) if curve.finer else factor) - 0.5).clamp(0, curve.count - 1)
     low = place.floor().to(torch.int64).clamp_max(curve.count - 2)
     return Bands(torch.lerp(curve.values[low], curve.values[low + 1], (place - low)[:, None]), curve.finer)
 

@@ -51,17 +51,19 @@ class EditedFit:
 
     def words(self) -> str:
         """Return one line for people."""
-        if self.row is None:
-            ways = " and ".join(dict.fromkeys(each.way for each in self.applied))
-            made = f"changed in the textures of the fit ({ways})"
-            of = "the edited fit"
-            if len(self.applied) == 1:
-                of = f"the edit with a smooth curve, {self.rms:.2%} with a step at each band as in the edit's pictures"
-            of += "; the error of the fit before the edit comes on top"
-        else:
-            made, of = "fitted again", "the edited material"
-        rms = self.applied[0].rms if len(self.applied) == 1 else self.rms
-        return f"{made}: relative RMS {rms:.2%} against {of}"
+        if self.row is not None:
+            return f"fitted again: relative RMS {self.rms:.2%} against the edited material"
+        ways = " and ".join(dict.fromkeys(each.way for each in self.applied))
+        rms = f"{self.rms:.2%} against the edited fit"
+        if len(self.applied) == 1:
+            rms = (
+                f"{self.applied[0].rms:.2%} against the edit with a smooth curve, {self.rms:.2%} with a step at each"
+                " band as in the edit's pictures"
+            )
+        return (
+            f"changed in the textures of the fit ({ways}): relative RMS {rms}; the error of the fit before the edit"
+            " comes on top"
+        )
 
 
 def chosen_material(

@@ -182,7 +182,7 @@ def without_numbers(fits: Sequence[MeasuredFit]) -> str:
     --------
     >>> fits = [MeasuredFit(name, "mccool", 0, 12, 3, {"rms": rms}, 1, 9, 2) for name, rms in (("a", 0.1), ("b", None))]
     >>> without_numbers(fits)
-    'no mean of rms: b has none, as it cannot be evaluated in all directions'
+    'no mean of rms: b has none'
     """
     missing: dict[tuple[str, ...], list[str]] = {}
     for name in fits[0].values if fits else ():

@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     from homofact.factor.fitted import Fitted
     from homofact.methods.method import Method
 
-OF_EDITED = "the fit is of an edited material, of which there are no samples"
-
 
 class NotReopened(BadInput):
     """The source that a fit was made from is not to be had; the text says why, and may go on a sentence."""
@@ -111,7 +109,7 @@ def settings_of(fitted: "Fitted") -> "Method":
 def _own(fitted: "Fitted", near: Sequence[str | os.PathLike[str]]) -> Reopened:
     """The source that the fit names. Raises BadInput."""
     if fitted.provenance.get(EDITS) or EDITED in mapping(fitted.provenance.get("source")):
-        raise BadInput(OF_EDITED)
+        raise BadInput("the fit is of an edited material, of which there are no samples")
     split = Split.saved_with(fitted)
     if split is None:
         path = source_named_by(fitted, near)

@@ -55,10 +55,6 @@ def methods_with(setting: str) -> tuple[str, ...]:
     )
 
 
-def _with_coordinates() -> list[str]:
-    return [name for name, method in METHODS.items() if "coordinates" in settings_of_class(method)]
-
-
 def parsed_label(label: str) -> tuple[str, dict[str, Any]]:
     """A label's method and the setting behind its colon: `mccool:wi+h`, `ggx:2` lobes, `svd:half-diff` coordinates.
 
@@ -79,7 +75,8 @@ def parsed_label(label: str) -> tuple[str, dict[str, Any]]:
         where="method",
         found=repr(label),
         expected="projections behind mccool only, as in mccool:wi+h, a number of lobes behind ggx or gaussians, as in"
-        f" ggx:2, and coordinates behind {', '.join(_with_coordinates())} ({' or '.join(SIDES)}), as in svd:half-diff",
+        f" ggx:2, and coordinates behind {', '.join(methods_with('coordinates'))} ({' or '.join(SIDES)}), as in"
+        " svd:half-diff",
     )
 
 

@@ -67,7 +67,9 @@ def material_record(plan: MaterialPlan) -> dict[str, Any]:
         "trusted": _trusted(plan),
         "of_tolerance": None if outcome is None else finite(outcome.error),
         "missed_by": finite(plan.missed_by),
-        **{step.__name__: _step(plan, step(plan)) for step in (smaller, larger, best_larger)},
+        "smaller": _step(plan, smaller(plan)),
+        "larger": _step(plan, larger(plan)),
+        "best_larger": _step(plan, best_larger(plan)),
         "measured": {
             judge.lighting.name: {kind: finite(value) for kind, value in asdict(errors).items()}
             for judge, errors in zip(plan.judges, plan.errors, strict=False)

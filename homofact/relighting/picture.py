@@ -59,8 +59,8 @@ def picture(
         behind = behind + np.where(flat @ sun.direction > np.cos(sun.radius), 1.0, 0.0)[:, None] * sun.radiance()
     found, cover = behind.copy(), hit.astype(np.float64)
     facing = np.concatenate([(mesh.normals * (np.array(camera.eye) - mesh.positions)).sum(1) > 0 for mesh in meshes])
-    shares = facing_shares(weights[hit], facing[corners[triangle[hit]]])
-    found[hit] = (values[corners[triangle[hit]]] * shares[..., None]).sum(1)
+    met = corners[triangle[hit]]
+    found[hit] = (values[met] * facing_shares(weights[hit], facing[met])[..., None]).sum(1)
     first = 0
     for number, mesh in enumerate(meshes):
         rays = np.flatnonzero((triangle >= first) & (triangle < first + len(mesh.triangles)))

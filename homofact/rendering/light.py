@@ -103,10 +103,8 @@ class EnvironmentMap:
     def look_up(self, directions: Tensor) -> tuple[Tensor, Tensor]:
         """Return radiance (..., C) and the density (...) of `draw` in sr⁻¹, of unit world directions (..., 3)."""
         rows, columns, channels = self.radiance.shape
-        turns = (torch.atan2(directions[..., 0], -directions[..., 2]) + self.turn) / (2 * torch.pi) + 0.5
-        column = (torch.remainder(turns, 1.0) * columns).to(torch.int64).clamp(0, columns - 1)
-        colatitude = torch.atan2(torch.hypot(directions[..., 0], directions[..., 2]), directions[..., 1]) / torch.pi
-        row = (colatitude * rows).to(torch.int64).clamp(0, rows - 1)
+        x, y = self._place(directions)
+        column, row = x.to(torch.int64).clamp(0, columns - 1), y.to(torch.int64).clamp(0, rows - 1)
         texel = row * columns + column
         level = self.radiance.reshape(-1, channels)
         return level[texel], self._means[texel] / self._running[-1]
@@ -117,10 +115,8 @@ class EnvironmentMap:
         It is for backgrounds, in which texels would be seen; light is that of `look_up`.
         """
         rows, columns, _ = self.radiance.shape
-        directions = directions.to(self.radiance)
-        turns = (torch.atan2(directions[..., 0], -directions[..., 2]) + self.turn) / (2 * torch.pi) + 0.5
-        colatitude = torch.atan2(torch.hypot(directions[..., 0], directions[..., 2]), directions[..., 1]) / torch.pi
-        x, y = torch.remainder(turns, 1.0) * columns - 0.5, (colatitude * rows - 0.5).clamp(0, rows - 1)
+        x, y = self._place(directions.to(self.radiance))
+        x, y = x - 0.5, (y - 0.5).clamp(0, rows - 1)
         left, upper = x.floor(), y.floor()
         columns_at = [torch.remainder(left + k, columns).to(torch.int64) for k in (0, 1)]
         rows_at = [(upper + k).clamp_max(rows - 1).to(torch.int64) for k in (0, 1)]
@@ -129,6 +125,13 @@ class EnvironmentMap:
             torch.lerp(self.radiance[row, columns_at[0]], self.radiance[row, columns_at[1]], along) for row in rows_at
         )
         return torch.lerp(above, below, down)
+
+    def _place(self, directions: Tensor) -> tuple[Tensor, Tensor]:
+        """Where directions (..., 3) lie on the map, in texels from its corner: column and row (...)."""
+        rows, columns, _ = self.radiance.shape
+        turns = (torch.atan2(directions[..., 0], -directions[..., 2]) + self.turn) / (2 * torch.pi) + 0.5
+        colatitude = torch.atan2(torch.hypot(directions[..., 0], directions[..., 2]), directions[..., 1]) / torch.pi
+        return torch.remainder(turns, 1.0) * columns, colatitude * rows
 
     def draw(self, points: Tensor) -> Tensor:
         """Return unit world directions (..., 3) of points (..., 2) of the unit square.

@@ -54,6 +54,11 @@ def page_prepared() -> PreparedScene:
     return prepare(page_scene(), 120)
 
 
+def materials() -> list[Editable]:
+    """The materials of the scene, in the order of its objects."""
+    return [thing.material for thing in page_prepared().scene.objects]
+
+
 def quiet(driver: Any) -> None:
     """Wait until the page has drawn what it was asked for, all columns are in, and no pointer is down."""
     driver.execute_async_script(

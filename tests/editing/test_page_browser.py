@@ -1,13 +1,12 @@
 """The page of a prepared scene in a headless Chromium: its pictures, curves and albedo are the library's."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 import torch
-from editing.page_opened import HALF, begin, check_pictures, numbers_of, opened_page, put, shown
+from editing.page_opened import HALF, begin, check_pictures, numbers_of, put, shown
 from editing.page_scene import page_prepared, quiet
 
 from homofact.editing.curves import Bands, band_centres
@@ -18,12 +17,6 @@ from homofact.rendering.sphere import SphereImage
 from homofact.rendering.tonemap import automatic_exposure, tonemap
 
 PAINT: Address = ("paint", "specular", "distribution")
-
-
-@pytest.fixture(scope="module")
-def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
-    with opened_page(tmp_path_factory.mktemp("page")) as driver:
-        yield driver
 
 
 @pytest.fixture(autouse=True)

@@ -1,31 +1,19 @@
 """Files of curves that the page writes and reads, in a headless Chromium."""
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 import torch
-from editing.page_opened import begin, click, opened_page, steps
-from editing.page_scene import page_prepared, quiet
+from editing.page_opened import begin, click, steps
+from editing.page_scene import materials, page_prepared, quiet
 
 from homofact.editing.curves_file import read_curves, write_curves
-from homofact.editing.material import Editable
 from homofact.editing.picture import Address
 from homofact.editing.session import Session
 
 pytestmark = pytest.mark.slow
-
-
-def materials() -> list[Editable]:
-    return [thing.material for thing in page_prepared().scene.objects]
-
-
-@pytest.fixture(scope="module")
-def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
-    with opened_page(tmp_path_factory.mktemp("page")) as driver:
-        yield driver
 
 
 @pytest.fixture(autouse=True)

@@ -1,30 +1,17 @@
 """Editing on the page by pointer, keys and buttons, in a headless Chromium."""
 
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 import pytest
 from browser import headless
-from editing.page_opened import begin, click, opened_page, press, steps, values
-from editing.page_scene import page_prepared, quiet
+from editing.page_opened import begin, click, press, steps, values
+from editing.page_scene import materials, page_prepared, quiet
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 
-from homofact.editing.material import Editable
-
 pytestmark = pytest.mark.slow
-
-
-def materials() -> list[Editable]:
-    return [thing.material for thing in page_prepared().scene.objects]
-
-
-@pytest.fixture(scope="module")
-def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
-    with opened_page(tmp_path_factory.mktemp("page")) as driver:
-        yield driver
 
 
 @pytest.fixture(autouse=True)

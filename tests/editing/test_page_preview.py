@@ -1,6 +1,5 @@
 """The page's preview sphere in a headless Chromium, and the page where a browser cannot draw it."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -9,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 from browser import browser, headless
-from editing.page_opened import begin, check_pictures, opened_page, put
+from editing.page_opened import begin, check_pictures, put
 from editing.page_scene import page_prepared, quiet
 
 from homofact.editing.curves import Bands, band_place
@@ -18,12 +17,6 @@ from homofact.editing.session import Session
 from homofact.geometry.directions import normalize
 
 PAINT: Address = ("paint", "specular", "distribution")
-
-
-@pytest.fixture(scope="module")
-def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
-    with opened_page(tmp_path_factory.mktemp("page")) as driver:
-        yield driver
 
 
 @pytest.fixture(autouse=True)

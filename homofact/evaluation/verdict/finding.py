@@ -64,7 +64,7 @@ class Finding:
         """What it costs, in words; "" where that is next to nothing."""
         if self.cost is None or self.cost < WORTH_SAYING:
             return ""
-        return f"because of it the verdict has limits up to {self.cost:.2g} times wider than usual"
+        return f"the limits of the verdict include this: they are up to {self.cost:.2g} times wider than usual"
 
     def record(self) -> dict[str, Any]:
         """Return a JSON-able dictionary."""
