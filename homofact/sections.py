@@ -63,7 +63,7 @@ class SourceSettings(_Checked):
     """
 
     path: str | None = option(
-        None, "A measurement's file, or material:NAME", flag="source", argument=True, metavar="SOURCE"
+        None, "A measurement file, or material:NAME", flag="source", argument=True, metavar="SOURCE"
     )
     channels: str = option(
         "rgb",
@@ -72,27 +72,39 @@ class SourceSettings(_Checked):
         panel=SOURCE,
         everyday=True,
     )
-    count: int = option(DEFAULT_COUNT, "Pairs drawn from an analytic model", least=1, most=MOST_COUNT, panel=SOURCE)
-    scheme: str = option(DEFAULT_SCHEME, "Where pairs are drawn from an analytic model", choices=SCHEMES, panel=SOURCE)
+    count: int = option(
+        DEFAULT_COUNT,
+        "Number of pairs of directions sampled from an analytic model",
+        least=1,
+        most=MOST_COUNT,
+        panel=SOURCE,
+    )
+    scheme: str = option(
+        DEFAULT_SCHEME,
+        "Distribution of the pairs of directions sampled from an analytic model: lobe puts half of them around the"
+        " highlight, discs spreads them evenly",
+        choices=SCHEMES,
+        panel=SOURCE,
+    )
     calibrate: tuple[str, ...] = option(
         DEFAULT_CALIBRATE,
-        "Faults of the instrument to correct. tilt: that of the sample; auto: the same, but only in a whole table and"
-        " only if the evidence is clear",
+        "Faults of the instrument to correct. tilt is a tilt of the sample, rings a gain per ring of angles, rows a"
+        " drift of the lamp. auto corrects a tilt, but only in complete tables and only if the evidence is clear",
         choices=CALIBRATIONS, separators="+,", metavar="A+B",
         expected_instead=none_twice, panel=SOURCE, everyday=True,
     )  # fmt: skip
     clipped: float | str | None = option(
-        None, "Level in sr⁻¹ from which values are clipped, so that the true ones may be larger; the word found detects"
-        " the level",
-        above=0, metavar="LEVEL", none="no value is clipped", expected_instead=_expected_level, panel=SOURCE,
+        None, "Clipping level in sr⁻¹: the true values may be larger than the values at or above it; the word found"
+        " detects the level",
+        above=0, metavar="LEVEL", none="no value is treated as clipped", expected_instead=_expected_level, panel=SOURCE,
     )  # fmt: skip
     dismiss: tuple[str, ...] = option(
-        (), "Suspicions of info that you have checked and that are wrong, by their names, or all: verdicts no longer"
-        " count them", separators="+,", metavar="A+B", expected_instead=none_twice, panel=SOURCE,
+        (), "Names of suspicions, as homofact info prints them, that you have checked and found wrong, or all. Verdicts"
+        " then ignore them", separators="+,", metavar="A+B", expected_instead=none_twice, panel=SOURCE,
     )  # fmt: skip
     subset: int = option(
         0,
-        "Maximum number of samples for the fit, with highlight and grazing angles kept; 0 for all",
+        "Maximum number of samples for the fit; 0 uses all. The selection keeps the highlight and grazing angles",
         least=0,
         panel=SOURCE,
     )
@@ -111,9 +123,7 @@ class SourceSettings(_Checked):
 class EvaluateSettings(_Checked):
     """`held_out`: the part of the measured samples kept from the fit, drawn by the seed; 0 in `factorize` alone."""
 
-    held_out: float = option(
-        HELD_OUT, "Share of the samples held out from the fit; factorize also takes 0", least=0, below=1, panel=SOURCE
-    )
+    held_out: float = option(HELD_OUT, "Share of the samples held out from the fit", least=0, below=1, panel=SOURCE)
 
 
 @dataclass(frozen=True)
@@ -130,24 +140,30 @@ class CompareSettings(_Checked):
     """
 
     sources: tuple[str, ...] = option(
-        (), "Measurements' files, or material:NAME", argument=True, metavar="SOURCE...", expected_instead=none_twice
+        (), "Measurement files, or material:NAME", argument=True, metavar="SOURCE...", expected_instead=none_twice
     )
     methods: tuple[str, ...] = option(
         COMPARED,
         f"Methods, separated by commas ({', '.join((*METHODS, *MODELS_BY_NAME))}); mccool:A+B uses the fixed"
-        " projections A and B, ggx:2 two lobes, svd:half-diff other coordinates",
+        " projections A and B, ggx:2 fits two lobes, svd:half-diff uses half-diff coordinates",
         expected_instead=_several,
     )
     plot: str | None = option(None, "Draw the errors (.png, .pdf, .svg)", metavar="FILE")
     csv: str | None = option(None, "Write means and standard deviations over sources and seeds (.csv)", metavar="FILE")
-    latex: str | None = option(None, "Write the same as a LaTeX table for booktabs (.tex)", metavar="FILE")
-    by_source: bool = option(False, "In the LaTeX table, also give the rows of each source")
+    latex: str | None = option(
+        None, "Write means and standard deviations as a LaTeX table for booktabs (.tex)", metavar="FILE"
+    )
+    by_source: bool = option(False, "In the LaTeX table, add rows for each single source")
     on: str | None = option(None, "Compare saved fits on this measurement instead of their own source", metavar="FILE")
     metrics: tuple[str, ...] = option(
-        ("six",), "Metrics: six, all, or names separated by commas (an unknown name lists all)"
+        ("six",),
+        "Metrics: six (those of Cole's thesis), all, or names separated by commas. An unknown name makes the command"
+        " list all names",
     )
     chart: str | None = option(
-        None, "Fit many sizes, and draw error against bytes and time into this folder", metavar="FOLDER"
+        None,
+        "Fit many sizes, and draw charts of error against bytes and of error against time into this folder",
+        metavar="FOLDER",
     )
     textures: tuple[int, ...] | None = option(
         None, "Number of textures; for a chart several, separated by commas", expected_instead=_several,
@@ -170,7 +186,7 @@ class OutputSettings(_Checked):
     """Where the result goes (`folder`), and whether a result already there is replaced (`force`)."""
 
     folder: str | None = option(None, "Folder for the result (required)", flag="out", metavar="FOLDER", panel=OUTPUT)
-    force: bool = option(False, "Replace an existing result; repeat the fits of a chart", panel=OUTPUT)
+    force: bool = option(False, "Replace an existing result", panel=OUTPUT)
 
 
 @dataclass(frozen=True)
@@ -191,7 +207,7 @@ class RenderSettings(_Checked):
         " the directional light",
         metavar="FILE.hdr",
     )
-    exposure: float = option(0.0, "Exposure above the automatic one", unit="stops", least=-20, most=20, metavar="STOPS")
+    exposure: float = option(0.0, "Added to the automatic exposure", unit="stops", least=-20, most=20, metavar="STOPS")
     tonemap: str = option("filmic", "Tone curve of the picture", choices=("filmic", "srgb"))
     size: int = option(384, "Pixels per side", least=16, most=8192, unit="pixels")
     file: str | None = option(None, "File for the picture", flag="out", metavar="FILE.png")
@@ -215,7 +231,7 @@ class FitSection:
 
     method: str = option(
         Search.name,
-        f"Fitting method (cole reproduces Cole's thesis, ggx has no textures): {', '.join(SHIPPED)}",
+        f"Fitting method: {', '.join(SHIPPED)}. cole reproduces Cole's thesis; ggx is a model without textures",
         panel=FIT,
         everyday=True,
     )

@@ -11,15 +11,16 @@ HEAD = """\
 <!-- Made by `python docs/make_scripts_page.py`: change the docstrings, not this page. -->
 # Programs behind the numbers
 
-Programs of the repository make every figure and table of these pages. Look here for the program behind a figure, and
+Programs in the repository produce every number, table and picture of this documentation. Find the program here, and
 run it from a checkout to repeat the measurement:
 
     python scripts/accuracy/seeds.py --help
     python scripts/accuracy/seeds.py --short
 
-`--short` runs a smoke test in seconds. `--data FOLDER`, or the variable HOMOFACT_DATA, names the folder of real
-measurements.
-`--out FILE.md` writes the printed tables to a file. `scripts/shared/harness.py` has the code that they share.
+`--short` runs a smoke test in seconds. `--data FOLDER`, or the environment variable HOMOFACT_DATA, sets the folder
+with the real measurements.
+`--out FILE.md` also writes the printed tables to a file. `scripts/shared/harness.py` contains the code that all
+programs share.
 """
 
 

@@ -69,7 +69,7 @@ class InfoResult:
 
 
 def info(source: Any, *, plot: Place | None = None, seed: int = 0, progress: Progress | None = None) -> InfoResult:
-    """Say what is in a measurement's file, what a source is, what a saved fit is, or what a scene's folder holds.
+    """Say what is in a measurement file, what a source is, what a saved fit is, or what a scene's folder holds.
 
     Parameters
     ----------

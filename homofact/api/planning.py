@@ -153,7 +153,7 @@ def plan(
     budget : float, optional
         A guard in seconds: ends each search, and the plan is then not reproducible.
     count : int, optional
-        Pairs drawn from an analytic model.
+        Number of pairs of directions to sample from an analytic model.
     strict : bool or float, optional
         Raise `PlanRefused` if a tolerance is missed or a verdict warns; a number is the largest accepted probability of
         a bad fit. A plan that misses a tolerance is written first, one with a refused fit is not.

@@ -79,7 +79,7 @@ def relight(
         A scene's file in TOML. With `material` a mesh: a `Mesh`, an OBJ, PLY or glTF file, or "shape:sphere" or
         "shape:knot".
     material : Reflectance or path, optional
-        The mesh's material: a fit, a model, "material:NAME", or a measurement's file, which is fitted first.
+        The mesh's material: a fit, a model, "material:NAME", or a measurement file, which is fitted first.
     to : path, optional
         The folder of the relit scene, which `homofact view` shows. Nothing is written unless it is given. A run that
         was stopped goes on where it was.

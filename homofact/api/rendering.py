@@ -80,7 +80,7 @@ def render(
     Parameters
     ----------
     drawn : Fit, source or path
-        A fit, a result's folder or .npz file; or a source: a measurement's file, "material:NAME", or an object.
+        A fit, a result's folder or .npz file; or a source: a measurement file, "material:NAME", or an object.
     to : path, optional
         The .png file. Without it the picture is only returned.
     light : (float, float, float), optional

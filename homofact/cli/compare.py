@@ -38,8 +38,8 @@ Seeds = Annotated[
     typer.Option(
         "--seeds",
         metavar="N|A,B,C",
-        help="Number of seeds to fit with, from --seed on, or a list of seeds, all on the same splits. Prints means"
-        " with their spread.",
+        help="Number of seeds, starting with --seed, or a list of seeds. All seeds use the same splits. The command"
+        " prints means and standard deviations.",
         rich_help_panel=FIT,
     ),
 ]
@@ -48,8 +48,9 @@ Splits = Annotated[
     typer.Option(
         "--splits",
         metavar="N",
-        help="Repeat all fits with this many different sets of held-out samples. Prints means with their spread, and"
-        " for each pair of methods on how many sets one beats the other.",
+        help="Repeat all fits with this many different sets of held-out samples. The command prints means and"
+        " standard deviations and, for each pair of methods, the number of sets on which the first has the smaller"
+        " error.",
         rich_help_panel=FIT,
     ),
 ]
@@ -70,19 +71,18 @@ def compare(
 ) -> None:
     """Fit several methods to the same samples and print their errors and costs.
 
-    For several sources, and with --csv or --latex, it gives means and
-    standard deviations over sources, seeds and splits, by method and bytes.
-    With --bytes, search fills them, and mccool, cole, svd and nmf get the
-    largest size within them; models have no textures to size. After Ctrl-C
+    With several sources, or with --csv or --latex, it prints or writes the mean and standard deviation over
+    sources, seeds and splits, for each method and number of bytes.
+    With --bytes, the method search uses the whole byte budget. The methods mccool, cole, svd and nmf get the
+    largest textures that fit into it. Models have no textures, so --bytes does not affect them. After Ctrl-C
     it prints the finished comparisons and exits with code 130.
 
-    If the SOURCES are folders of fits, it compares these fits with their
-    source, on the same samples, or with another measurement, --on FILE;
-    --plot FILE.png draws them.
+    If the SOURCES are folders of fits, it compares these fits with their source on the same samples. With --on
+    FILE, it compares them with another measurement instead. --plot FILE.png draws the result.
 
-    With --chart it runs methods × textures × sizes × searches: each SOURCE
-    gets NAME.csv with every run, NAME_time (error against fitting time) and
-    NAME_cost (error against bytes and fetches), as PNG and SVG. It does not
+    With --chart it fits every combination of method, number of textures, size and search effort. For each SOURCE it
+    writes NAME.csv with all runs, and two charts as PNG and SVG: NAME_time (error against fitting time) and
+    NAME_cost (error against bytes and fetches). It does not
     repeat fits that are already in the CSV.
     """
     asked = settings.compare

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 @o.configured("output.force", "source", "seed", but=("source.path", "source.subset", "source.clipped"))
 def convert(
     settings: "Config",
-    source: Annotated[str, typer.Argument(metavar="IN", help="A measurement's file, material:NAME, or a result.")],
+    source: Annotated[str, typer.Argument(metavar="IN", help="A measurement file, material:NAME, or a result.")],
     target: Annotated[
         Path,
         typer.Argument(
@@ -28,7 +28,8 @@ def convert(
         str | None,
         typer.Option(
             metavar="NAME",
-            help="A format that shares its ending: zemax (.bsdf), tree (.xml, a tensor tree instead of Klems' bands).",
+            help="Format, if several use the same file name extension: zemax (for .bsdf), or tree (for .xml: a"
+            " tensor tree instead of Klems bands). Default: RGL for .bsdf, Klems bands for .xml.",
             show_default=False,
         ),
     ] = None,
@@ -36,15 +37,15 @@ def convert(
         str,
         typer.Option(
             metavar="NAMES",
-            help="Conventions to undo, separated by commas, as homofact info names them: cosine-o, srgb, elevation, ..."
-            " (for .csv, .npz and .dat; an unknown name lists them).",
+            help="Names of conventions to undo, separated by commas, as homofact info prints them: cosine-o, srgb,"
+            " elevation, ... Works for .csv, .npz and .dat. An unknown name makes the command list all names.",
             show_default=False,
         ),
     ] = "",
     as_json: o.AsJson = False,
     quiet: o.Quiet = False,
 ) -> None:
-    """Convert a measurement, a named material or a fit to the format of OUT's ending."""
+    """Convert a measurement, a named material or a fit to the format given by the file name extension of OUT."""
     from homofact.api.converting import convert
 
     asked = settings.source

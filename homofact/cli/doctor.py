@@ -58,8 +58,8 @@ class Diagnosis(NamedTuple):
 def doctor(as_json: o.AsJson = False, quiet: o.Quiet = False) -> None:
     """Check what is installed, what works, and what is missing for more features.
 
-    It runs a fit, the GPU and the extras, and does not only look them up. It
-    exits with code 2 if something that is installed or needed fails.
+    It runs a fit, a computation on the GPU, and each optional package, so that it detects broken installations too.
+    It exits with code 2 if an installed or required part fails.
     """
     screen = Screen(as_json, quiet)
     findings: list[Diagnosis] = []

@@ -27,7 +27,10 @@ def edit(
     out: Annotated[Path, typer.Option(metavar="FOLDER", help="Folder for the prepared scene, or for the edited fit.")],
     apply: Annotated[
         Path | None,
-        typer.Option(metavar="CURVES.json", help="Edited curves, as the page exports them, to turn into textures."),
+        typer.Option(
+            metavar="CURVES.json",
+            help="File of edited curves that view.html exported. The command turns them into textures.",
+        ),
     ] = None,
     material: Annotated[
         str | None, typer.Option(metavar="NAME", help="With --apply: the material, if several are edited.")
@@ -36,12 +39,16 @@ def edit(
         str | None,
         typer.Option(
             metavar="WAY",
-            help="With --apply, if the material is a fit: texels, solve or texture (docs/editing.md). Default: what"
-            " suits its textures.",
+            help="With --apply, if the material is a fit: how to put the edit into its textures: texels, solve or"
+            " texture. See docs/editing.md. Default: texels if a texture has the edited angle as an axis, else"
+            " solve.",
         ),
     ] = None,
     refine: Annotated[
-        int, typer.Option(metavar="N", help="With --apply and texels: refine each step between two texels to N steps.")
+        int,
+        typer.Option(
+            metavar="N", help="With --apply and --way texels: divide each step between two texels into N steps."
+        ),
     ] = 1,
     force: Annotated[bool, typer.Option("--force", help="Replace the contents of the folder.")] = False,
     as_json: o.AsJson = False,
@@ -49,12 +56,11 @@ def edit(
 ) -> None:
     """Precompute a scene under its light, so that you can edit its materials.
 
-    It follows Ben-Artzi, Overbeck and Ramamoorthi 2006: the pictures of
-    fixed cameras are linear in curves of the materials over angles, with
-    shadows. Open FOLDER/view.html in a browser to drag the curves.
-    With --apply, it turns edited curves of a material into textures with
-    their shader: it changes the textures of a fit, or makes a new fit if the
-    material is not a fit.
+    The method is that of Ben-Artzi, Overbeck and Ramamoorthi 2006. Each material consists of curves over angles.
+    For fixed cameras and light, the pictures, with shadows, are linear in these curves. Open FOLDER/view.html in a
+    browser to drag the curves.
+    With --apply, it turns the edited curves of a material into textures and a shader. If the material is a fit, it
+    changes the fit's textures; otherwise it makes a new fit.
     """
     screen = Screen(as_json, quiet)
     if apply is None:

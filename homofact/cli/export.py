@@ -30,15 +30,16 @@ def export(
         typer.Option(
             "--format",
             help=f"Format of the textures: {', '.join(FORMAT_NAMES)}; or html, the page of homofact view."
-            " Default: the format of --quantize; for an export of 8 or 16 bits its own; else exr.",
+            " Default: the format of --quantize. If RESULT is itself an export with 8 or 16 bits, its format."
+            " Otherwise exr.",
             show_default=False,
         ),
     ] = None,
     quantize: Annotated[
         str | None,
         typer.Option(
-            help="png8 or png16: search for the best texels of 8 or 16 bits, instead of rounding each (texels of a"
-            " sum of products are rounded).",
+            help="png8 or png16: optimize all 8-bit or 16-bit texels together, instead of rounding each texel."
+            " Texels of a sum of products are always rounded.",
             show_default=False,
         ),
     ] = None,
@@ -55,8 +56,9 @@ def export(
         Path | None,
         typer.Option(
             metavar="SKY",
-            help="Also filter this latitude-longitude .hdr or .exr: writes a cube map that all materials share, and a"
-            " table and shaders of this material. With --engine godot, the material reflects this sky.",
+            help="Also prefilter this latitude-longitude environment map (.hdr or .exr). Writes one cube map for all"
+            " materials, and a table and shaders for this material. With --engine godot, the exported material"
+            " reflects this map.",
             show_default=False,
         ),
     ] = None,
@@ -64,7 +66,8 @@ def export(
         int | None,
         typer.Option(
             metavar="N",
-            help=f"Texels per side of the filtered sky's faces, a power of two: more give sharper reflections."
+            help=f"Texels per side of each face of the prefiltered cube map, a power of two. More give sharper
+            reflections."
             f" Default: {SKY_SIDE}.",
             show_default=False,
         ),
@@ -80,9 +83,8 @@ def export(
     brdf.c, each with homofact_evaluate(wi, wo), homofact_sample(wo, u) and
     homofact_density(wi, wo), and manifest.json with everything that a loader
     needs. The command prints the error of the stored texels.
-    With --prefilter it also gets prefiltered.glsl, .hlsl, .wgsl and .c, each
-    with homofact_light_reflected(n, wo), a table of the material, and the
-    filtered sky, which all materials share.
+    With --prefilter the folder also gets a table of the material, the prefiltered sky, and prefiltered.glsl, .hlsl,
+    .wgsl and .c, each with homofact_light_reflected(n, wo). All materials share the prefiltered sky.
     """
     if form == HTML:
         for name, given in (("engine", engine), ("quantize", quantize), ("prefilter", prefilter)):

@@ -43,7 +43,7 @@ def factorize(
 
     The folder gets factorization.npz (homofact.load reads it back),
     manifest.json, every texture as EXR and PNG, report.json, and
-    compare.png: source, fit and McCool's projections on a lit sphere.
+    compare.png, which shows the source, the fit and a fit by McCool's projections on a lit sphere.
     """
     source = source_of(settings)
     if settings.output.folder is None:

@@ -38,18 +38,19 @@ def info(
         typer.Option(
             "--plot",
             metavar="FILE.png",
-            help="Draw a slice, lobes and a lit sphere; without SOURCE, a sphere of each named material.",
+            help="Draw a slice, lobes and a lit sphere of SOURCE. Without SOURCE, draw a sphere of each named"
+            " material.",
         ),
     ] = None,
     as_json: o.AsJson = False,
     quiet: o.Quiet = False,
 ) -> None:
-    """Describe measurements' files, named materials, or the folders of fits, plans or scenes.
+    """Describe measurement files, named materials, or the folders of fits, plans or scenes.
 
-    Without SOURCE it lists the named materials: material:NAME is a SOURCE.
+    Without SOURCE it lists the named materials. Use one as SOURCE by writing material:NAME.
     Several SOURCEs are described one after another.
-    For a result's folder (homofact factorize) it prints the fit and its
-    error bars at each angle. For the folder of a plan (homofact plan) it
+    For a result folder (from homofact factorize) it prints the fit and its error bars at each incidence angle. For
+    the folder of a plan (homofact plan) it
     prints what was chosen for each material, its bytes and errors. For the
     folder of a scene (homofact relight, homofact edit) it prints the
     contents and their errors. For a TOML file

@@ -35,20 +35,24 @@ COMMANDS = (
     (_BEGIN, "view", "Write a page that shows a result in a browser, with movable light and camera."),
     (_BEGIN, "export", "Write textures and the shaders that read them: GLSL, HLSL, WGSL, C."),
     (_BEGIN, "compare", "Fit several methods to the same samples and print their errors and costs."),
-    (_BEGIN, "info", "Describe measurements' files, named materials, or the folders of fits, plans or scenes."),
+    (_BEGIN, "info", "Describe measurement files, named materials, or the folders of fits, plans or scenes."),
     (_DATA, "measure", "Choose the directions that a goniometer should measure next."),
-    (_DATA, "convert", "Convert a measurement, a named material or a fit to the format of OUT's ending."),
+    (
+        _DATA,
+        "convert",
+        "Convert a measurement, a named material or a fit to the format given by the file name extension of OUT.",
+    ),
     (_DATA, "render", "Draw a sphere of a result or a source under a directional light or an environment map."),
     (_SCENES, "plan", "Find the smallest representation of each material of a scene within your tolerance."),
     (_SCENES, "relight", "Precompute objects with their shadows, so that you can change their light."),
     (_SCENES, "edit", "Precompute a scene under its light, so that you can edit its materials."),
     (_MANY, "sweep", "Fit many sources by several methods, and save every result."),
-    (_MANY, "report", "Write the report of a sweep as a site that opens without network."),
+    (_MANY, "report", "Write the report of a sweep as a website that works offline."),
     (_MORE, "doctor", "Check what is installed, what works, and what is missing for more features."),
     (_MORE, "research", "Commands for research: where fits fail, and how many terms a material needs."),
 )
 RESEARCH = (
-    (_RESEARCH, "stability", "Fit difficult data by every method, and find errors without a warning."),
+    (_RESEARCH, "stability", "Fit difficult data by every method, and find wrong fits whose verdict does not warn."),
     (_RESEARCH, "terms", "Predict and count the in-out terms (SVD) that a material needs."),
 )
 # Commands of 0.2.0 that are part of others now.

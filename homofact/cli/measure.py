@@ -36,16 +36,35 @@ _Samples = Annotated[
 ]
 _Directions = Annotated[int | None, _option("Number of single directions to choose. Default: 5.", _PLAN, shown=False)]
 _Incidences = Annotated[
-    int | None, _option("Number of incidences to choose instead, each measured at all views.", _PLAN, shown=False)
+    int | None,
+    _option(
+        "Number of incidence angles to choose, instead of single directions. The goniometer measures"
+        " each of them at all view directions.",
+        _PLAN,
+        shown=False,
+    ),
 ]
-_Stop = Annotated[float, _option("Stop if three more rings change the picture by less.", _PLAN)]
+_Stop = Annotated[float, _option("Stop if three more rings would change the picture by less than this share.", _PLAN)]
 _Channels = Annotated[
-    str, _option("Columns to fill in, separated by commas; later rounds take those of SAMPLES.", None)
+    str,
+    _option(
+        "Names of the value columns in the CSV, separated by commas. If you give SAMPLES, their columns are"
+        " used instead.",
+        None,
+    ),
 ]
-_Out = Annotated[Path | None, _option("File for the directions, to be filled in.", None, "FILE.csv", False)]
+_Out = Annotated[
+    Path | None, _option("File for the chosen directions; you fill in the measured values.", None, "FILE.csv", False)
+]
 _Complete = Annotated[
     Path | None,
-    _option("File for the completed material, as samples for homofact factorize.", None, "FILE.csv", False),
+    _option(
+        "File for samples of the whole material, in which missing directions are predicted from the statistics."
+        " Use it as input of homofact factorize.",
+        None,
+        "FILE.csv",
+        False,
+    ),
 ]
 _FAR = "Default: 0,80, or farther if the samples reach farther."
 _ThetaI = Annotated[str | None, _option(f"Limits of the light's angle, in degrees. {_FAR}", _GONIOMETER, "A,B")]
@@ -53,15 +72,20 @@ _ThetaO = Annotated[str | None, _option(f"Limits of the detector's angle, in deg
 _Phi = Annotated[
     str,
     _option(
-        "Limits of the azimuth between both, in degrees; 180 is the side of the mirror direction.", _GONIOMETER, "A,B"
+        "Limits of the azimuth difference of light and detector, in degrees. At 180, the detector is on the side of"
+        " the mirror direction.",
+        _GONIOMETER,
+        "A,B",
     ),
 ]
-_Separation = Annotated[float, _option("Least angle between light and detector, in degrees.", _GONIOMETER)]
-_Resolution = Annotated[float, _option("Angles are multiples of it, in degrees.", _GONIOMETER)]
-_Rings = Annotated[float, _option("Step of the detector's angle of an incidence, in degrees.", _GONIOMETER)]
-_Azimuths = Annotated[float, _option("Step of the azimuth of an incidence, in degrees.", _GONIOMETER)]
+_Separation = Annotated[float, _option("Smallest possible angle between light and detector, in degrees.", _GONIOMETER)]
+_Resolution = Annotated[
+    float, _option("Angular resolution in degrees. All chosen angles are multiples of it.", _GONIOMETER)
+]
+_Rings = Annotated[float, _option("With --incidences: step of the detector's polar angle, in degrees.", _GONIOMETER)]
+_Azimuths = Annotated[float, _option("With --incidences: step of the azimuth, in degrees.", _GONIOMETER)]
 _Speed = Annotated[float, _option("Speed of each axis, in degrees per second.", _GONIOMETER)]
-_Settle = Annotated[float, _option("Settling time of each axis that has moved, in seconds.", _GONIOMETER)]
+_Settle = Annotated[float, _option("Settling time of an axis after each move, in seconds.", _GONIOMETER)]
 
 
 @o.configured("output.force", "seed")
@@ -88,9 +112,10 @@ def measure(
 ) -> None:
     """Choose the directions that a goniometer should measure next.
 
-    It is for isotropic materials. It combines the samples so far with
-    statistics of 128 materials, and chooses the directions that lower the
-    expected error of pictures, albedo and highlight most. Fill in the CSV, and run it again with all files.
+    This command works for isotropic materials only. It combines your samples so far with statistics of 128
+    materials, and chooses the directions that reduce the expected error of pictures, albedo and highlight most.
+    It writes them to a CSV file (--out). Measure these directions, fill in the values, and run the command again
+    with all files.
     """
     given = (("theta_i", theta_i), ("theta_o", theta_o), ("phi", phi))
     limits = {name: _limits(name, text) for name, text in given if text is not None}

@@ -24,8 +24,8 @@ MadeFrom = Annotated[
     str | None,
     typer.Option(
         metavar="SOURCE",
-        help="The source of the fit: a measurement's file, or material:NAME. By default found automatically if"
-        " possible.",
+        help="Source of the fit: a measurement file, or material:NAME. By default homofact uses the source recorded"
+        " in the fit, if it can still be found.",
         show_default=False,
     ),
 ]
@@ -43,8 +43,8 @@ Strict = Annotated[
     typer.Option(
         "--strict",
         metavar="[=P]",
-        help="Exit with code 2 if the verdict warns of the fit; --strict=0.05 if the fit is bad with a probability"
-        " above 5%.",
+        help="Exit with code 2 if the verdict warns of the fit. With --strict=0.05: exit with code 2 if the fit is"
+        " bad with a probability above 5%.",
         show_default=False,
     ),
 ]
@@ -60,7 +60,9 @@ Refuse = Annotated[
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object to stdout, and everything else to stderr.")]
 Quiet = Annotated[
     bool,
-    typer.Option("--quiet", "-q", help="Print no progress and no notes, and no tables if the command writes files."),
+    typer.Option(
+        "--quiet", "-q", help="Print no progress and no notes. If the command writes files, print no tables either."
+    ),
 ]
 ConfigFile = Annotated[
     Path | None,

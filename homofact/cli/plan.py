@@ -38,14 +38,18 @@ def plan(
         Path | None, typer.Option(metavar="FOLDER", help="Folder for the chosen representations and plan.json.")
     ] = None,
     against: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Also plan for this named lighting, and compare the costs.")
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="Also plan for this built-in lighting (such as studio), and print the costs of both plans.",
+        ),
     ] = None,
     tolerance: Annotated[
         str | None,
         typer.Option(
             metavar="NAME",
-            help="Replace the scene's tolerances: visible keeps differences that people do not notice (not for lists of"
-            " samples).",
+            help="Replace the scene's tolerances. The tolerance visible allows differences that people do not"
+            " notice. It does not work for lists of samples.",
         ),
     ] = None,
     effort: Annotated[str, typer.Option(help=f"{_SETTINGS['effort'].option.help}.")] = str(_SETTINGS["effort"].default),
@@ -57,8 +61,8 @@ def plan(
         typer.Option(
             "--strict",
             metavar="[=P]",
-            help="Print the plan, and exit with code 2 if a tolerance is missed or a verdict warns; --strict=0.05 moves"
-            " the threshold.",
+            help="Print the plan, and exit with code 2 if it misses a tolerance or a verdict warns. --strict=0.05"
+            " makes a verdict count if the fit is bad with a probability above 5%.",
             show_default=False,
         ),
     ] = "",
@@ -68,12 +72,12 @@ def plan(
 ) -> None:
     """Find the smallest representation of each material of a scene within your tolerance.
 
-    The plan meets the scene's tolerances under each of its lightings, in
-    rendered views and with a margin for other views. If the byte budget is
+    The plan meets the scene's tolerances under each of the scene's lightings. homofact checks this in rendered
+    views, and adds a safety margin for other views. If the byte budget is
     too small, it distributes the bytes so that the picture has the smallest
     error. For a relighting scene, it chooses the transport settings of each
-    object. A measured file is taken as it is: undo a tilt first, with
-    homofact convert --calibrate tilt. The documentation explains all this on
+    object. plan does not correct measurements. If a measured sample was tilted, first undo the tilt with homofact
+    convert --calibrate tilt. The documentation explains all this on
     the page "Plan a scene".
     """
     from homofact.api.planning import PlanRefused, PlanResult, TransportPlan, plan

@@ -26,10 +26,19 @@ def relight(
         int, typer.Option(metavar="N", help="Number of vertices per object at which the error is measured; 0 for none.")
     ] = 64,
     whole: Annotated[
-        bool, typer.Option("--ledger", help="Measure the error of every stage, including the cube map. Takes minutes.")
+        bool,
+        typer.Option(
+            "--ledger",
+            help="Measure the error of every stage of the approximation, including the cube map. This takes minutes.",
+        ),
     ] = False,
     reference: Annotated[
-        bool, typer.Option("--reference", help="Also sum every visible vertex in full, so that the page can compare.")
+        bool,
+        typer.Option(
+            "--reference",
+            help="Also compute the exact sum over all texels for every visible vertex."
+            " The page can then show the difference.",
+        ),
     ] = False,
     force: Annotated[bool, typer.Option("--force", help="Replace an existing relit scene.")] = False,
     as_json: o.AsJson = False,
@@ -37,10 +46,9 @@ def relight(
 ) -> None:
     """Precompute objects with their shadows, so that you can change their light.
 
-    It follows Wang, Tran and Luebke 2004, with in-out factors of each
-    material, shadows of every vertex, and Haar wavelets. A stopped run
-    continues where it was. Open FOLDER/view.html in a browser to turn and
-    replace the sky.
+    The method is that of Wang, Tran and Luebke 2004: in-out factors of each material, visibility at every vertex,
+    and Haar wavelets. If you stop a run, the same command continues it. Open FOLDER/view.html in a browser to
+    rotate or replace the sky.
     """
     from homofact.api.relighting import relight as relit
     from homofact.api.viewing import NAME

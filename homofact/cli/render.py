@@ -16,7 +16,7 @@ Drawn = Annotated[
     Path,
     typer.Argument(
         metavar="RESULT",
-        help="A result's folder, its factorization.npz; or a source: a measurement's file, or material:NAME.",
+        help="A result folder or its factorization.npz, or a source: a measurement file or material:NAME.",
     ),
 ]
 

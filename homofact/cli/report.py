@@ -16,7 +16,7 @@ def report(
         Path | None,
         typer.Option(
             metavar="SWEEP",
-            help="Earlier sweep to compare with: shows what is better or worse since.",
+            help="Earlier sweep to compare with. The report shows what has become better or worse since then.",
             show_default=False,
         ),
     ] = None,
@@ -28,11 +28,11 @@ def report(
     as_json: o.AsJson = False,
     quiet: o.Quiet = False,
 ) -> None:
-    """Write the report of a sweep as a site that opens without network.
+    """Write the report of a sweep as a website that works offline.
 
     The site has charts and a table of all fits, the worst ten by each
-    metric, the sources that were set aside, and the changes since an earlier
-    sweep. Each material has a page with its pictures, textures, verdict and
+    metric, the sources that failed, and the changes since an earlier sweep (--against). Each material has a page
+    with its pictures, textures, verdict and
     viewer. CSV and Parquet files contain all figures. Open SITE/index.html.
     """
     from homofact.api.reporting import report

@@ -32,19 +32,19 @@ def stability(
     short: Annotated[
         bool,
         typer.Option(
-            "--short", help="Test only the mildest and the fatal strength of each stressor, on smaller problems."
+            "--short", help="Test only the weakest and the strongest level of each stressor, on smaller problems."
         ),
     ] = False,
     seed: Annotated[int, typer.Option(min=0, max=MOST_SEED, help="Seed of the problems and the fits.")] = 0,
     as_json: o.AsJson = False,
     quiet: o.Quiet = False,
 ) -> None:
-    """Fit difficult data by every method, and find errors without a warning.
+    """Fit difficult data by every method, and find wrong fits whose verdict does not warn.
 
-    Each cell of methods × stressors × strengths is ok, degraded, refused,
-    or silently wrong. FOLDER gets atlas.csv, atlas.png, solvers.csv and
-    solvers.png; while the command runs, unfinished.csv has the cells so far.
-    Set HOMOFACT_DATA to the folder of real measurements.
+    A stressor is a fault of the data or settings at several strengths. For each combination of method, stressor and
+    strength, the fit is ok, degraded, refused, or silently wrong. The command writes atlas.csv, atlas.png,
+    solvers.csv and solvers.png to FOLDER. While it runs, unfinished.csv contains the finished fits.
+    For the stressors with real measurements, set the environment variable HOMOFACT_DATA to their folder.
     """
     if out is None:
         raise BadInput("none given", where="out", expected="a folder for the atlas", hint="--out")

@@ -31,25 +31,25 @@ def sweep(
         str | None,
         typer.Option(
             metavar="WHERE",
-            help="Run on Dask's workers instead: local, tcp://HOST:8786, a scheduler's .json file, or MODULE:CLASS of a"
-            " cluster, such as dask_jobqueue:SLURMCluster.",
+            help="Run on Dask workers instead: local (on this machine), tcp://HOST:8786 or a scheduler's .json file"
+            " (a running scheduler), or MODULE:CLASS (a Dask cluster class, such as dask_jobqueue:SLURMCluster).",
         ),
     ] = None,
-    retry: Annotated[bool, typer.Option("--retry", help="Try again the sources that were set aside.")] = False,
+    retry: Annotated[bool, typer.Option("--retry", help="Retry the fits that failed in an earlier run.")] = False,
     svbrdf: Annotated[
         bool,
         typer.Option(
             "--svbrdf",
-            help="Treat the sources as the clusters of one spatially varying material, with the label map that the"
-            " file's section svbrdf names. Writes shared projections, texture arrays and shaders.",
+            help="Treat the sources as the clusters of one spatially varying material. The section svbrdf of"
+            " SWEEP.toml names the label map. Writes shared projections, texture arrays and shaders.",
         ),
     ] = False,
     basis: Annotated[
         int | None,
         typer.Option(
             metavar="N",
-            help="Fit one basis of N textures for all sources, and N numbers per source. Prints from how many"
-            " sources on this pays.",
+            help="Fit one basis of N textures for all sources, and N coefficients per source. Prints the number of"
+            " sources from which on the basis needs fewer bytes than separate textures.",
         ),
     ] = None,
     as_json: o.AsJson = False,
@@ -57,11 +57,10 @@ def sweep(
 ) -> None:
     """Fit many sources by several methods, and save every result.
 
-    At its end it writes a report, FOLDER/report/index.html; homofact report
-    adds a viewer for every fit, or compares with an earlier sweep. Finished
-    fits are never repeated: the same command continues after Ctrl-C, kill -9
-    or a crash. It sets aside and names a source whose worker dies twice, or
-    that homofact refuses.
+    At the end the command writes a report, FOLDER/report/index.html. To add a viewer for every fit, or to compare
+    with an earlier sweep, run homofact report. After Ctrl-C, kill -9 or a crash, run the same command again: it
+    continues and does not repeat finished fits. If a source kills its worker twice, or homofact refuses it, the
+    sweep skips it and prints its name.
     """
     from homofact.api.sweeping import TogetherResult, sweep
 

@@ -20,15 +20,22 @@ def terms(
     settings: "Config",
     share: Annotated[float, typer.Option(help="Share of the energy, Σσ², that the terms must represent.")] = 0.99,
     limit: Annotated[float, typer.Option(help="Largest angle from the normal, in degrees.")] = 85.0,
-    fit: Annotated[bool, typer.Option("--fit", help="Fit with the configured method and compare the costs.")] = False,
+    fit: Annotated[
+        bool,
+        typer.Option(
+            "--fit",
+            help="Also fit the material with the method of the configuration, and"
+            " compare the costs of the fit with those of the in-out terms.",
+        ),
+    ] = False,
     as_json: o.AsJson = False,
     quiet: o.Quiet = False,
 ) -> None:
     """Predict and count the in-out terms (SVD) that a material needs.
 
-    The prediction is (l* + 1)²/4, from the highest order l* of the
-    material's half-angle curve; the count comes from its singular values
-    (Mahajan et al. 2008).
+    The predicted number of terms is (l* + 1)²/4, where l* is the highest order of spherical harmonics in the
+    material's curve over the half angle. The counted number follows from the singular values of the BRDF (Mahajan
+    et al. 2008).
     """
     source = source_of(settings)
     method = settings.fit.method_alone()

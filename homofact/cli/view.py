@@ -18,7 +18,8 @@ def view(
         Path | None, typer.Option(metavar="FILE.obj", help="Mesh (OBJ, PLY, glTF) to show the material on.")
     ] = None,
     sky: Annotated[
-        list[Path] | None, typer.Option(metavar="FILE.hdr", help="Another sky for a relit scene. Repeatable.")
+        list[Path] | None,
+        typer.Option(metavar="FILE.hdr", help="Additional sky for a relit scene. You can repeat this option."),
     ] = None,
     out: Annotated[
         Path | None,
@@ -30,12 +31,11 @@ def view(
 ) -> None:
     """Write a page that shows a result in a browser, with movable light and camera.
 
-    The page is one HTML file that needs WebGL 2 and no network. It shows the
-    fit, McCool's projections of the same size, and the source side by side on
-    a sphere or a mesh, with their differences, the textures, and the held-out
-    errors. For a relit scene (homofact relight) it shows the objects with
-    their shadows, under built-in skies, --sky, or a dropped .hdr file. For a
-    prepared scene (homofact edit) it shows pictures and curves to drag.
+    The page is one HTML file that needs WebGL 2 and no network. It shows the fit, a fit by McCool's projections at
+    the same size, and the source side by side on a sphere or a mesh. It also shows their differences, the
+    textures and the held-out errors. For a relit scene (homofact relight) it shows the objects with
+    their shadows, under built-in skies, --sky, or a dropped .hdr file. For a prepared scene (from homofact edit) it
+    shows pictures, and curves that you can drag.
     """
     from homofact.api.viewing import view
 

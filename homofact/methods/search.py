@@ -77,8 +77,8 @@ class Search(Method):
     )
     effort: str | float = option(
         "normal",
-        "Search effort: quick and normal try projections that often win; thorough, or a number of evaluations, tries"
-        " all",
+        "Search effort. quick and normal try only projections that were best for many other materials; thorough, or"
+        " a number of evaluations, tries all",
         expected_instead=_expected_effort,
         everyday=True,
     )

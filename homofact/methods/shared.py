@@ -70,7 +70,7 @@ def budget() -> Any:
     """Return seconds after which a search ends with what it has: a guard, None is none."""
     return option(
         None,
-        "Time limit of the search; a fit that reaches it is not reproducible",
+        "Time limit of the search. If a fit reaches it, the fit is not reproducible",
         unit="seconds",
         above=0,
         none="none",

@@ -13,7 +13,9 @@ class PlanSettings:
 
     effort: str | float = again(Search, "effort", "quick")
     budget: float | None = again(Search, "budget", None)
-    count: int = option(8000, "Pairs drawn from an analytic model", least=100, most=MOST_COUNT)
+    count: int = option(
+        8000, "Number of pairs of directions sampled from an analytic model", least=100, most=MOST_COUNT
+    )
 
     def __post_init__(self) -> None:
         """Refuse values that cannot be meant. Raises BadInput."""

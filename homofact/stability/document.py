@@ -57,26 +57,28 @@ def _head(atlas: Atlas, link: str) -> str:
 <!-- Made by `make stability`: change the paragraphs in homofact/stability, not here. -->
 # Where fits fail
 
-Read this page before you fit difficult data. It shows which properties of a measurement damage which method, whether
-homofact warns, and what you can do. Find your problem in the table and follow its link to the cause and the remedy.
+Read this page before you fit difficult data. It shows which properties of a measurement make which fitting method
+fail, whether homofact warns, and what you can do. Find your problem in the table and follow its link to the cause
+and the remedy.
 
-`homofact research stability` repeats these tests, or those of some stressors and methods. It writes every fit to
-`atlas.csv` and draws the pictures below.
+`homofact research stability` repeats these tests. `--stressors` and `--methods` select some of them. The command
+writes one row per fit to `atlas.csv` and draws the pictures below.
 
 ## Which data damage which method
 
 Each of {len(atlas.plan.stressors)} stressors changes the data of a test problem step by step, from harmless to fatal.
 {len(methods)} methods fit every step: {tally}.
 
-The table shows the worst fit of each sweep: its error as a multiple of the same method's error without the stressor.
+Each cell shows the worst fit over all strengths of a stressor: its error, divided by the same method's error
+without the stressor or by 0.0025 if that is larger.
 \\*: the fit's own verdict warns. **silent**: the error is over {WRONG:g} times as large, and nothing warns.
-[How it is measured](#how-it-is-measured) defines all words. {_coverage(atlas.cells)}
+[How it is measured](#how-it-is-measured) defines the terms, such as degraded and unstressed. {_coverage(atlas.cells)}
 
 | stressor | {" | ".join(methods)} |
 |{" --- |" * (len(methods) + 1)}
 {rows}
 
-Every fit, from harmless on the left to fatal on the right:
+The picture shows every fit. Strengths run from harmless on the left to fatal on the right:
 
 ![The atlas]({link}/atlas.png)"""
 
@@ -88,7 +90,7 @@ def _coverage(cells: Sequence[Cell]) -> str:
     if not fits:
         return ""
     if not stated:
-        return "No fit states an error bar of total reflected light that could be compared with the clean samples."
+        return "No fit states an error bar of total reflected light, so there is nothing to compare."
     held, none = sum(cell.held is True for cell in stated), len(fits) - len(stated)
     silent = f"; {none} more state none" if none else ""
     share = f" ({held / len(stated):.0%})" if len(stated) >= _MANY else ""
@@ -140,13 +142,15 @@ Each fit is then judged on {scale.clean} clean samples that it never saw. The er
 space with ε = {JUDGING_EPSILON:g}. Tables show it as a multiple of the same method's error without the stressor, or of
 {WORTH_AN_ERROR:g} (an RMS of 5%) if that is larger.
 
-The error bar of total reflected light is compared with the clean samples in bands of incidence, within the range of
-angles for which the fit states it. The comparison allows for the scatter of so few samples.
+homofact compares the error bar of total reflected light with the clean samples in bands of incidence angle, within
+the range of angles for which the fit states the bar. The comparison adds a margin for the statistical scatter of
+these few samples.
 
-A verdict that begins “the fit has errors typical of bad fits” rests on measured figures of the fit: its error on
-held-out samples, its distance from an interpolation of the nearest samples, and others that the line `Why it warns`
-of `factorize` names. Most fits with such figures were bad in the calibration of the verdict, many because of faulty
-samples, so homofact states the wider error bars of fits to faulty samples. Check the data (`homofact info`), then
+If a verdict begins “the fit has errors typical of bad fits”, homofact bases it on measured errors of the fit: the
+error on held-out samples, the difference from an interpolation of the nearest samples, and others. The line `Why
+it warns` in the output of `factorize` lists the decisive ones. In the calibration of the verdict, most fits with
+such errors were bad, many because of faulty samples. homofact therefore states the wider error bars that it uses
+for faulty samples. Check the data (`homofact info`), then
 follow the line `Try next`.
 
 * **ok**: the error is at most {DEGRADED:g} times the unstressed error, and the verdict finds nothing that it does not
@@ -156,10 +160,10 @@ follow the line `Try next`.
 * **silently wrong**: the error is over {WRONG:g} times the unstressed error, and nothing warns. These tests exist to
   find such fits.
 
-A multiple below 1 is no mistake: some stressors leave an easier problem, such as a region where the material is
-constant.
+A multiple below 1 is no mistake. Some stressors make the problem easier, for example if only a region with constant
+values remains. For search and mccool, the divisor 0.0025 is larger than the unstressed error.
 
-These are the fits without a stressor:
+This table shows the fits without a stressor:
 
 | method | error, clean | error, own held-out | its verdict finds |
 | --- | --- | --- | --- |
@@ -271,16 +275,18 @@ def _solvers(cells: list[SolverCell], link: str) -> str:
 
 ![The solvers]({link}/solvers.png)
 
-Every solver solves the same linear systems: the stacked rows of samples, smoothing, ridge and gauge. The condition
-number is that of the normal matrix, from the singular values of the rows. The reference is the minimum-norm solution by
-these singular values, refined in extended precision. A system is well posed up to a condition number of
+Every solver solves the same linear systems: the stacked rows of samples, smoothing, ridge and gauge. The table
+gives the condition number of the normal matrix, computed from the singular values of the stacked rows. The
+reference solution is the minimum-norm solution from these singular values, refined in extended precision. A system
+is well posed up to a condition number of
 {WELL_POSED:.0e}. There, every answer should agree with the reference to {AGREES:.0e}, and all do to {furthest:.1e}.
 Beyond, an answer counts as the minimum-norm solution within {AGREES_ILL:.0e}, and any other should have the status
 `fallback` or `budget`. {silence}
 
-The ridge keeps the condition number near 1e10, even if no sample determines a texel. The gauge rows lower that of
-smoothed systems by four to five powers of ten. A solver can then fail only if weights differ by more than the ridge:
-iterations reach their limit, and the fit reports it.
+The ridge term keeps the condition number near 1e10, even if no sample determines a texel. In smoothed systems, the
+gauge rows lower the condition number by four to five powers of ten. A solver can then fail only if the sample
+weights span a larger range than the ridge allows. In that case the iterative solvers reach their iteration limit,
+and the fit reports it.
 
 | system | what it is | texels | condition | {" | ".join(solvers)} |
 |{" --- |" * (len(solvers) + 4)}

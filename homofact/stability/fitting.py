@@ -34,30 +34,33 @@ def _many_textures(strength: float, seed: int, scale: Scale) -> Problem:
 STRESSORS = (
     Stressor(
         "smoothing", "too little or too much smoothing",
-        "λ of the Laplacian goes from 0 to 1e8.",
-        "At 0, nothing determines the texels between the samples. From 1 on, the Laplacian costs as much as the data,"
-        " and the fit approaches the functions that the Laplacian ignores, {1, u, v, uv}: a highlight becomes a ramp."
-        " Solvers do not warn, but the training error shows it.",
-        "Use a λ of 1e-4 to 1e-2, or give none: `search` then finds it by cross-validation.",
+        "The smoothing weight λ goes from 0 to 1e8.",
+        "At λ = 0, nothing determines the texels between the samples. From λ = 1 on, the Laplacian has as much"
+        " weight as the data. The fit then approaches the functions that cost nothing under the Laplacian, {1, u, v,"
+        " uv}, so a highlight becomes a ramp. The solvers do not warn, but the training error shows the problem.",
+        "Set λ to 1e-4 to 1e-2, or leave the option out: `search` then finds λ by cross-validation.",
         "λ", (1e-3, 0, 1, 1e3, 1e8), smoothing,
     ),
     Stressor(
         "coincident", "projections that coincide",
         "Two or more textures have the same projection.",
-        "The data determine only the sum of such textures: any function can move from one to the other. The null space"
-        " is as large as a texture, far larger than the constants and ramps that the gauge fixes. The ridge decides"
-        " and divides the sum evenly. The product is right, but each single texture means nothing.",
-        "Nothing is needed for the product. If you want to view or edit textures, use each projection once.",
+        "The data determine only the sum of the log textures: you can add any function to one and subtract it from"
+        " the other. This null space has as many dimensions as a texture has texels. It is far larger than the"
+        " constants and ramps that the [gauge](concepts/gauge.md) fixes. The ridge term then divides the sum evenly"
+        " between the textures. The product is correct, but a single texture has no meaning of its own.",
+        "No action is needed if you use only the product. If you want to view or edit single textures, use each"
+        " projection only once.",
         "textures", (1, 2, 3, 5), coincident,
     ),
     Stressor(
         "many-textures", "more textures than the data determine",
         "Two to twelve textures are fitted to a tenth of the samples.",
-        "Overlapping projections share a constant, linear ramps and products, which is the null space that homofact"
-        " fixes in closed form. Where samples are sparse, they also share many functions that no sample sees."
-        " Smoothing and the gauge keep these small, so the product suffers little. A single texture then shows mostly"
-        " smoothing.",
-        "Use as many textures as lower the held-out error. `search` stops when another texture does not pay.",
+        "Overlapping projections can exchange constants, linear ramps and products uv. homofact fixes this null"
+        " space in closed form (the [gauge](concepts/gauge.md)). Where samples are sparse, the projections can also"
+        " exchange many functions that change no sample's value."
+        " Smoothing and the gauge keep these small, so the product suffers little. A single texture is then"
+        " determined mostly by the smoothing.",
+        "Add textures only as long as the held-out error falls. `search` stops when another texture does not pay.",
         "textures", (2, 4, 8, 12), _many_textures,
     ),
 )  # fmt: skip

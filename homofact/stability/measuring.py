@@ -122,87 +122,93 @@ def _dynamic_range(strength: float, seed: int, scale: Scale) -> Problem:
 STRESSORS = (
     Stressor(
         "few-samples", "fewer samples than texels",
-        "The number of samples falls to the 205 of a CUReT material and below.",
-        "A texture has size² texels, and two textures have more texels than a sparse measurement has samples."
-        " Smoothing then decides most texels: it continues ramps between the samples, and a highlight without samples"
-        " is missing from the fit. Fixed textures over absolute directions lose most, because they need samples at all"
-        " azimuths. Textures over angles only gather the same samples in fewer texels.",
+        "The number of samples falls to 205, as for a material of the CUReT database, and below.",
+        "A texture has size² texels. Two textures have more texels than a sparse measurement has samples, so"
+        " smoothing determines most texels. Smoothing continues linear ramps between the samples. If no sample lies"
+        " in the highlight, the fit has none. Fixed projections of absolute directions suffer most, because their"
+        " textures need samples at all azimuths. Projections that use only angles spread the same samples over fewer"
+        " texels.",
         "Use smaller textures (`size`), fewer textures, fixed projections, or more samples. Believe the held-out error"
         " only if at least a few dozen samples are held out.",
         "samples", (1500, 600, 205, 60, 20), faulted(FAULTS["few"]),
     ),
     Stressor(
         "hole", "a hole in the hemisphere",
-        "No sample has a viewer in a ring about 45° from the normal.",
-        "Smoothing fills the texels of the missing directions from the rim of the hole. A smooth material survives"
-        " that. A highlight that passes through the hole is cut off.",
-        "Measure these directions, or index the textures by half and difference angles: pairs outside the ring then"
-        " reach the same texels, and none stays empty.",
+        "All samples whose view direction is in a ring around 45° from the normal are missing.",
+        "Smoothing fills the texels of the missing directions from the rim of the hole. This works for a smooth"
+        " material. A highlight inside the hole is lost.",
+        "Measure these directions, or use projections of the half and difference angles. Pairs of directions outside"
+        " the ring then fall into the same texels, so no texel stays empty.",
         "degrees, half width", (2, 10, 25, 40), faulted(FAULTS["hole"]),
     ),
     Stressor(
         "no-highlight", "the highlight was not measured",
         "The samples near the mirror direction are missing: no half vector is near the normal.",
-        "Nothing in the data shows how bright the highlight is. Smoothing keeps ramps straight, so every fit continues"
-        " the flank inwards, and the height of the peak is arbitrary. The held-out error cannot show this, because the"
-        " held-out samples lack the highlight as well. Only the share of texels without samples shows it.",
+        "Nothing in the data shows how bright the highlight is. Smoothing extends the flank of the highlight"
+        " linearly towards the mirror direction, so the height of the peak is arbitrary. The held-out error cannot"
+        " show this, because the"
+        " held-out samples lack the highlight as well. Only the share of texels without samples reveals it.",
         "Measure near the mirror direction. Otherwise use the fit for the diffuse part only.",
         "degrees", (2, 10, 25, 45), faulted(FAULTS["no-highlight"]),
     ),
     Stressor(
         "untouched-texels", "texels without samples, smoothing off",
         "Textures grow while the number of samples stays the same, and smoothing is 0.",
-        "Without smoothing, nothing determines a texel that no sample reads, or that shares its only sample with its"
-        " neighbours. Only a tiny ridge keeps the normal matrix from being singular. Its minimum-norm solution puts"
-        " such texels near zero in log space, which is the mean brightness and has nothing to do with the surrounding"
-        " texels.",
-        "Use a smoothing above 0 (1e-3), or textures that the samples can fill.",
+        "Without smoothing, the data do not determine a texel that no sample reads, or that shares its only sample"
+        " with its neighbours. Only a tiny ridge term keeps the normal matrix regular. The minimum-norm solution"
+        " sets such texels near zero in log space. Zero is the mean brightness, whatever the values of the"
+        " surrounding texels.",
+        "Set the smoothing λ above 0, for example to 1e-3, or use textures so small that every texel has samples.",
         "texels per side", (8, 16, 24, 32), _untouched_texels,
     ),
     Stressor(
         "grazing", "grazing angles",
-        "A third of the samples moves towards the horizon, where the material grows as 1/cos.",
+        "A third of the samples moves towards the horizon, where the BRDF grows as 1/cosθ.",
         "Microfacet models, and measurements divided by the cosine, grow without bound at the horizon. These values"
-        " raise the mean A, and with it εA. The last ring of texels then has a range that smoothing carries into the"
-        " neighbouring texels. Away from the horizon the log transform limits the damage: the clean samples here end"
-        " at 87°, and their error hardly changes. The damage is at the horizon and in the energy, where the verdict's"
-        " albedo and held-out error show it.",
-        "Leave out samples beyond about 85°, or give them little weight; lower `epsilon`.",
+        " raise the mean A, and with it εA. The values in the last ring of texels also vary so much that smoothing"
+        " spreads them into the neighbouring texels. Away from the horizon, the log transform limits the damage: the"
+        " clean test samples end at 87°, and their error hardly changes. The damage is at the horizon and in the"
+        " energy. The albedo and the held-out error in the verdict show it.",
+        "Leave out samples beyond about 85°, or give them small weights. Also lower `epsilon`.",
         "degrees", (80, 85, 89, 89.9, 89.999), grazing,
     ),
     Stressor(
         "h-at-normal", "half vectors at the normal",
         "All half vectors move towards the normal, where φh is undefined.",
-        "At h = n, the half/difference frame has no azimuth. The stabilised frame (thesis eq. 1.4) keeps the tangent"
-        " as its axis there, so the coordinates stay continuous. However, all samples fall into one texel of a texture"
+        "At h = n, the half/difference frame has no azimuth. The stabilised frame (Cole's thesis, eq. 1.4) uses the"
+        " tangent as its axis there, so the coordinates stay continuous. However, all samples fall into one texel of"
+        " a texture"
         " over h, and its other texels have no data.",
-        "Nothing is needed if you use the fit in the same region. Outside it, smoothing alone determines the texels.",
+        "No action is needed if you use the fit only near the measured half vectors. Elsewhere, smoothing alone"
+        " determines the texels.",
         "degrees", (30, 3, 0.1, 1e-4, 0), _half_vector_at_normal,
     ),
     Stressor(
         "h-at-tangent", "half vectors at the tangent",
         "Both directions and their half vector move towards the tangent on the horizon.",
-        "The frame projects the tangent off h, and at h = t nothing is left of it, so homofact uses the limit instead."
-        " Close to this point the difference vector turns quickly with h. Equal values then scatter over a texture"
-        " indexed by d.",
-        "Nothing is needed, because samples on the horizon carry no light. Leave them out if they disturb the fit.",
+        "The frame uses the part of the tangent t that is perpendicular to h. At h = t this part is zero, so"
+        " homofact uses its limit. Near h = t the difference vector d turns quickly when h changes, so samples with"
+        " equal values scatter over a texture that is indexed by d.",
+        "No action is needed, because samples on the horizon contribute no light (cosθ = 0).",
         "degrees", (45, 10, 1, 0.01, 1e-7), _half_vector_at_tangent,
     ),
     Stressor(
         "one-azimuth", "one azimuth only",
         "All light comes from a narrow sector of azimuth, and the samples are not copied to other azimuths.",
         "A texture indexed by absolute directions (ωi, h) has samples only in that sector, and smoothing fills the"
-        " rest. The fit is perfect on the measurement and meaningless on a turned object. Coordinates that do not"
+        " rest. The fit is accurate at the measured azimuths and meaningless when the object rotates. Coordinates"
+        " that do not"
         " depend on azimuth are unaffected.",
         "Copy the samples to other azimuths, or use a method whose textures do not depend on azimuth (`search`). Every"
-        " command makes such copies of isotropic measurements (`copies=8`); in Python call `Samples.azimuth_copies`.",
+        " command makes such copies of isotropic measurements (`copies=8`). In Python, call"
+        " `Samples.azimuth_copies`.",
         "degrees", (360, 180, 60, 10, 0), _one_azimuth,
     ),
     Stressor(
         "anisotropy", "anisotropic data in an isotropic fit",
         "A brushed metal is declared isotropic.",
-        "The same (θh, θd, φd) then has many values, and the fit returns their mean in log space. More samples do not"
-        " help. Training and held-out error agree, and both are high.",
+        "The data then have many values at the same (θh, θd, φd), and the fit returns their mean in log space. More"
+        " samples do not help. Training and held-out error are equally high.",
         "Declare the material anisotropic (`isotropic=False`), so that homofact tries coordinates that depend on"
         " azimuth.",
         "ratio of slopes", (1.1, 1.5, 3, 10), anisotropy,
@@ -210,10 +216,12 @@ STRESSORS = (
     Stressor(
         "dynamic-range", "dynamic range (near mirrors)",
         "The highlight becomes brighter and narrower, up to 1e7 times the diffuse part.",
-        "A mirror's lobe is narrower than a texel over θh, so no number of samples lets the texture represent it."
-        " Bilinear interpolation in log space spreads the lobe exponentially: a peak spread over one texel of 10° is"
-        " orders of magnitude too bright at its flanks.",
-        "Stretch θh (`search` tries it), use larger textures, or take the mirror part out and add it separately.",
+        "A mirror-like lobe is narrower than one texel in θh, so the texture cannot represent it, however many"
+        " samples there are."
+        " Bilinear interpolation in log space widens the lobe: if one texel spans 10°, the peak falls off"
+        " exponentially over 10°, and its flanks are orders of magnitude too bright.",
+        "Stretch θh near the highlight (`search` tries this), use larger textures, or subtract the mirror component"
+        " from the data and render it separately.",
         "brightest over ground", (10, 100, 1e4, 1e6, 1e7), _dynamic_range,
     ),
 )  # fmt: skip

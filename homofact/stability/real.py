@@ -65,7 +65,8 @@ def _car_paint(strength: float, seed: int, scale: Scale) -> Problem:
 STRESSORS = (
     Stressor(
         "real-retroreflector", "retroreflective tape (measured)",
-        "The values of a yellow retroreflective tape are raised to a power up to 1.",
+        "The measured values of a yellow retroreflective tape are raised to a power of at most 1. A smaller power"
+        " compresses the range of values.",
         "The tape sends most light back to its source, and its values span three powers of ten (0.04 to 39 sr⁻¹). The"
         " lobe is a ridge at θd = 0 for every θh, which textures over h or ωi alone cannot represent.",
         "Use a texture over θd with enough texels there (`search`, larger `size`), and do not trust the fit at"
@@ -74,17 +75,20 @@ STRESSORS = (
     ),
     Stressor(
         "real-non-reciprocal", "measured materials that are not reciprocal",
-        "Four materials of the RGL database are fitted with reciprocity, and compared with the same fit without it.",
-        "Their measurements deviate from reciprocity by at least 7%. This deviation is small compared with what small"
-        " textures cannot represent in any case.",
+        "Four materials of the RGL database are fitted by reciprocal fits. Their errors are compared with those of"
+        " the same fits without reciprocity.",
+        "Their measurements deviate from reciprocity by at least 7%. This is small compared with the error that"
+        " small textures have anyway.",
         "Use `reciprocal=False` to reproduce the measurement. Keep reciprocity if a renderer needs it.",
         "material", (0, 1, 2, 3), rgl, ("aurora", "golden", "chm blue", "flakes"),
     ),
     Stressor(
         "real-negative", "measured values below zero",
-        "11 to 14% of the values of a car paint are negative, and its values at large angles are extrapolated.",
-        "The reader cuts negative values to zero and counts them. These zeros are not noise: they are a quarter of the"
-        " green channel, and over half of its samples beyond 75°. The fit learns that there is no green there.",
+        "In the measurement of a car paint, 11 to 14% of the values are negative, and the values at large angles are"
+        " extrapolated.",
+        "The file reader sets negative values to zero and counts them. These zeros are not noise: they make up a"
+        " quarter of the green channel, and over half of its samples beyond 75°. The fit therefore shows no green"
+        " there.",
         "`homofact info` shows the count. Leave the extrapolated angles out.",
         "share of the samples", (1, 0.3, 0.1), _car_paint,
     ),

@@ -1,1 +1,2 @@
-"""Errors of fits: against McCool's projections and other methods, and by seed, size and number of textures."""
+"""These programs measure the errors of fits. They compare the search with McCool's projections and other methods,
+and compare seeds, sizes and numbers of textures."""

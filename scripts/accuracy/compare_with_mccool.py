@@ -42,21 +42,24 @@ MATERIALS = ("material:lafortune-blue-paint", "material:cook-torrance-plastic")
 GRIDS = ("plain", "centred")
 PAGE = "<!-- Made by `python scripts/accuracy/compare_with_mccool.py`: change the words there, not here. -->\n"
 INTRODUCTION = """
-Read this page to see whether homofact reproduces the results of Cole's thesis. The thesis (Cole 2002, chapter 4)
-searches the projections that index the textures, and compares them with the fixed projections of McCool, Ang and Ahmad
-(2001). This page repeats the comparison on two material models and three paints of Cornell University. To use
+Read this page to see whether homofact reproduces the results of Cole's thesis. In the thesis (2002, chapter 4),
+Cole searches for the projections that index the textures, and compares the searched projections with the fixed
+projections of McCool, Ang and Ahmad (2001). This page repeats the comparison on two analytic material models and
+on measurements of three paints by Cornell University. To use
 the thesis's search on your own file, run
 
     homofact compare SOURCE --methods mccool,cole,search --plot out/methods.png
 
-McCool's textures are fitted on two grids: the plain one, which the thesis probably used, and a centred one, which has
-a texel at the highlight.
+homofact fits McCool's textures on two grids. The plain grid is probably the one of the thesis. The centred grid has
+a texel at the centre of the highlight.
 """
 READING = """
-The first two tables compare statements of the thesis with the errors found here, on training samples (like the thesis)
-and on held-out samples. The last table shows the Cole error ([glossary](glossary.md)) by number of textures, training
-/ held out. *In-out* and *half-diff* are the coordinates that are searched: the directions (ωi, ωo) themselves, or
-Rusinkiewicz's half and difference vectors. *Reciprocal* fits enforce f(ωi, ωo) = f(ωo, ωi), *free* fits do not.
+The first two tables compare statements of the thesis with errors measured here. The columns "training" use the
+training samples, as the thesis does. The columns "held out" use held-out samples. The last table shows the Cole
+error ([glossary](glossary.md)) for each number of textures. Each cell has the training error, a slash, and the
+held-out error. *In-out* and *half-diff* are the coordinates in which the projections are searched. *In-out* uses
+the directions (ωi, ωo) themselves. *Half-diff* uses Rusinkiewicz's half and difference vectors. *Reciprocal* fits
+enforce f(ωi, ωo) = f(ωo, ωi). *Free* fits do not.
 """
 PICTURE = "![Error against textures](pictures/thesis.png)"
 VARIANTS = [(name, reciprocal) for name in ("in-out", "half-diff") for reciprocal in (True, False)]

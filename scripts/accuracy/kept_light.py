@@ -34,26 +34,33 @@ NETWORKS = Path("nbrdf") / "merl_nbrdf_weights.npz"
 NAMED = ("chrome", "steel", "tungsten-carbide", "nickel", "alum-bronze", "gold-metallic-paint")
 
 INTRODUCTION = """\
-Read this page to see how well default fits of glossy materials keep total reflected light, albedo and highlight. It
-covers four paints of the RGL database and neural surrogates of MERL materials (networks of Sztrajman et al. 2021;
-the measurements of MERL are not used). For your own material, `homofact factorize` reports the same errors
+This page shows how accurately default fits reproduce total reflected light, albedo and highlight. The materials are
+four measured paints of the RGL database and neural surrogates of MERL materials (networks of Sztrajman et al.
+2021). homofact does not use MERL's own measurements here. For your own material, `homofact factorize` reports the
+same errors
 ([results](results.md)).
 
-Each section starts with the errors over all materials, followed by a table with one fit per row. Ratios are fit over
-source, so 1 is right:
+Each section has two tables. The first summarizes the errors of all materials: the median, p90 (nine of ten fits are
+at least this good) and the worst fit. The second has one fit per row. Its ratios are fit over source, so 1 is
+right:
 
 - **energy**: total reflected light, over all angles of incidence.
-- **albedo**: directional albedo at incidence angles of 5 to 75°, of the worst channel and of the worst mean of
-  channels.
-- **highlight** and **bright half**: flux of the brightest 1%, and of the brighter half, of the source.
+- **albedo**: directional albedo at five incidence angles from 5 to 75°. "Worst channel" is the ratio farthest from
+1 among all angles and channels. "Mean" is the ratio farthest from 1 among the angles, for the mean of the
+channels.
+- **highlight**: flux in the directions that carry the brightest 1% of the source's flux. **bright half**: flux in
+the directions that carry the brighter half of it.
 
 The other columns:
 
-- **RMS**: root mean square error relative to the source, weighted by both cosines. **floor**: the smallest RMS that
+- **RMS**: relative root mean square error, √(∫∫(f̂ − f)² cosθi cosθo / ∫∫ f² cosθi cosθo), where f̂ is the fit and
+f the source. **floor**: the smallest RMS that
   a reciprocal fit can have.
 - **sky dB**: PSNR of a sphere under a sky.
-- **Cole error**: of other pairs of directions, drawn in the discs ([glossary](glossary.md)).
-- **search**: whether the fit is reciprocal or free. **s**: seconds of the fit."""
+- **Cole error** ([glossary](glossary.md)): measured at pairs of directions that were not fitted. These pairs are
+uniform in the parabolic discs of both directions.
+- **search**: "reciprocal" if the fit is reciprocal, "free" if the search dropped reciprocity. **s**: time of the
+fit in seconds."""
 LIMITATIONS = """\
 Fits ran on one thread while other work ran, so their seconds are longer than on an idle machine."""
 

@@ -1,4 +1,4 @@
-"""The pictures of `mahajan.py`, one per figure of Mahajan, Tseng and Ramamoorthi (2008)."""
+"""Draw the pictures of `mahajan.py`, one per figure of Mahajan, Tseng and Ramamoorthi (2008)."""
 
 import math
 from collections.abc import Mapping, Sequence

@@ -25,34 +25,35 @@ SHORT_COUNT = 2000
 
 HEAD = """# Straighten a measurement
 
-You want this when you fit gloss that a goniometer measured. The highlights of many real measurements lie some
-hundredths to tenths of a degree off the mirror direction, to one side, and to the other side when light and viewer
-are swapped. A sample that leans by such an angle makes them. A reciprocal fit blurs such a highlight, and a fit
-without reciprocity turns it into a bright and a dark side.
+Read this page if you fit a glossy material that was measured with a goniometer. In many real measurements, the
+highlight is some hundredths to tenths of a degree away from the mirror direction, towards one side. If you swap
+light and viewer, it is shifted towards the other side. The cause is a sample that was tilted by such an angle. A
+reciprocal fit blurs such a highlight. A fit without reciprocity makes one side of it bright and the other dark.
 
-`homofact info FILE` prints what it finds. A file with a whole table, such as RGL's, is straightened by every command
-that reads it:
+`homofact info FILE` prints the tilt of a measurement. If a file contains a complete table, as RGL's files do, every
+command straightens it while reading:
 
     homofact info irid_flake_paint1_rgb.bsdf
     homofact factorize irid_flake_paint1_rgb.bsdf                    # straightened where the odds are clear
     homofact factorize irid_flake_paint1_rgb.bsdf --calibrate none   # the measurement as it is
     homofact convert irid_flake_paint1_rgb.bsdf straight.bsdf        # the straightened measurement
 
-A list of samples (CSV, ASTM and others) stays as it is until you ask. `info` and `factorize` name a tilt that they see,
-with the option that undoes it:
+homofact corrects a list of samples (CSV, ASTM and others) only with `--calibrate tilt`. If `info` and `factorize`
+find a tilt in a list, they print it with the option that undoes it:
 
     homofact info paint.csv                            # the sample was tilted by +0.198° in the plane of incidence ...
     homofact factorize paint.csv --calibrate tilt      # straightened where the odds are clear
     homofact convert paint.csv straight.csv --calibrate tilt
 
-In Python, `homofact.read(path, calibrate=["none"])` leaves the tilt in, and `["tilt"]` undoes that of a list too.
-`read(path).samples.provenance["tilt"]` has the angle, its interval and the errors. `["tilt"]` fails where no tilt can
-be looked for: in an anisotropic measurement and in a model.
+In Python, `homofact.read(path, calibrate=["none"])` keeps the tilt. `calibrate=["tilt"]` undoes the tilt of a list
+too. It fails for an anisotropic measurement and for a model, where homofact cannot look for a tilt.
+`read(path).samples.provenance["tilt"]` contains the angle, its interval and the errors.
 
 ## How it works
 
 homofact turns both directions of each pair by one angle δ in the plane of incidence and looks for the δ that makes
-the measurement most reciprocal. It needs no fit. The derivation is in `homofact/brdf/tilt.py`, the search and its
+the measurement most reciprocal. This search needs no fit. The derivation is in `homofact/brdf/tilt.py`, the search
+and its
 interval in `homofact/brdf/quality/tilt.py`. In a list few pairs were also measured with light and viewer swapped. There
 homofact looks for the δ at which each value is best predicted from all the others, on the one smooth surface over half
 and difference angles that a reciprocal material has (`homofact/brdf/quality/tilt_of_samples.py`).
@@ -77,13 +78,13 @@ LIMITS = """## Limits
 
 - homofact looks for a tilt of isotropic samples only. One that turns with an anisotropic sample leaves reciprocity
   whole and does not show. In a list it looks for the tilt in the plane of incidence alone.
-- The coarser a list is across its highlights, the larger a tilt has to be to be seen. See
+- The more coarsely a list samples the highlights, the larger a tilt must be before homofact can find it. See
   [Tilts in lists of samples](measured.md#tilts-in-lists-of-samples).
-- In lobes wider than about 6° a tilt and a gain over the angle look alike, and the interval grows to tenths of a
-  degree.
-- One angle serves all incidences.
-- Pairs with the light closer to the normal than δ were not measured; they take the values of the nearest slice at the
-  same half vector.
+- In lobes wider than about 6°, a tilt looks like a gain that depends on the angle. The interval of the tilt then
+grows to tenths of a degree.
+- homofact uses one tilt angle for all angles of incidence.
+- After straightening, light directions closer to the normal than δ have no measured values. For these pairs,
+homofact uses the values of the nearest slice (measured angle of incidence) at the same half vector.
 """
 
 
@@ -141,9 +142,11 @@ def tables(rows: dict[str, dict[str, Any]]) -> list[str]:
             ("file", "δ, °", "95% interval", "undone", "misfit", "undone", "the table's own", "floor", "straightened"),
             tilts,
         ),
-        "δ is the tilt in the plane of incidence. The misfit is the lack of reciprocity along the lobe, both angles"
-        " under 70°; the floor that of all pairs, √∫∫(½(f − f swapped) cosθi cosθo)² over √∫∫(f cosθi cosθo)²: no"
-        " reciprocal fit has a smaller error.",
+        'δ is the tilt in the plane of incidence. "Misfit" is the lack of reciprocity along the lobe, for θi and θo '
+        "under 70°. \"Misfit, undone\" is the same after undoing δ. \"The table's own\" is the misfit that the "
+        'interpolation of the table alone causes. "Floor" is the lack of reciprocity of all pairs, √∫∫(½(f − f '
+        'swapped) cosθi cosθo)² over √∫∫(f cosθi cosθo)². No reciprocal fit has a smaller error. "Straightened" is '
+        'the floor of the straightened measurement.',
         markdown(
             (
                 "file", "textures", "raw fit: raw", "raw fit: straight", "straight fit: straight", "floor",
@@ -152,9 +155,11 @@ def tables(rows: dict[str, dict[str, Any]]) -> list[str]:
             fits,
             2,
         ),
-        "Relative RMS of f cosθi cosθo. 'Raw fit: straight' is the fit of the raw measurement, compared with the"
-        " straightened one. Worst albedo is fit over source at the worst angle (5 to 75°) and channel. Lamp is the PSNR"
-        " of a sphere under a small lamp. Both compare with the straightened measurement. 'reciprocal' is yes if the"
+        "The errors are relative RMS of f cosθi cosθo. 'Raw fit: straight' is the error of the fit of the raw"
+        " measurement, compared with the straightened measurement. 'Over floor' is the error of the straight fit"
+        " divided by the floor. 'Worst albedo' is fit over source for the straight fit, at the worst angle (5 to"
+        " 75°) and channel. 'Lamp' is the PSNR in dB of a sphere under a small lamp, for the raw and for the"
+        " straight fit. Albedo and PSNR are compared with the straightened measurement. 'reciprocal' is yes if the"
         " search enforced reciprocity for the straightened measurement.",
     ]  # fmt: skip
 
@@ -177,8 +182,8 @@ def main(arguments: list[str] | None = None) -> int:
         progress(path.stem)
     rows = {path.stem.removesuffix("_rgb"): finished[path.stem] for path in files}
     conditions = (
-        f"{len(rows)} RGL files, 45,000 pairs by lobe, 20% held out, seed 0, default search; {machine()}. Made by"
-        " `python scripts/accuracy/straightening.py`."
+        f"{len(rows)} RGL files, 45,000 pairs by lobe, 20% held out, seed 0, default search; {machine()}. `python"
+        " scripts/accuracy/straightening.py` makes the tables."
     )
     return finish([HEAD.rstrip(), conditions, *tables(rows), LIMITS.rstrip()], chosen)
 

@@ -1,4 +1,4 @@
-"""Compare the statements of Cole 2002, section 4.4, with the errors found here.
+"""Compare the statements of Cole 2002, section 4.4, with the errors that our fits have.
 
 `Errors` maps (source, coordinates, reciprocal, textures) to one error, the thesis's "relative squared
 error" (log_mse); McCool's projections stand under the coordinates MCCOOL with two textures. A

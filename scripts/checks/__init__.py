@@ -1,1 +1,2 @@
-"""Checks of the package as a whole: damaged files, killed writes, memory, installation, same bits, planted faults."""
+"""These programs test the package as a whole: damaged files, interrupted writes, memory, installation,
+bit-identical results, and deliberately inserted faults."""

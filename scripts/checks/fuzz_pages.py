@@ -1,4 +1,4 @@
-"""Give damaged skies and links to the scripts of the page, in node.
+"""Pass damaged environment maps and damaged view links to the viewer's JavaScript, in Node.js.
 
 `fuzz_scenes.py` runs it. The page's verdict on a sky is to be Python's, and a view that is read is one that its own
 link gives back.

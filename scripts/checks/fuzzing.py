@@ -1,4 +1,4 @@
-"""Code that the fuzzers share: damage to a file, a trial of a damaged file, and the report.
+"""Code that the fuzzers share. It damages a file, tries to open it, and reports the result.
 
 `fuzz_readers.py` tries measurements, `fuzz_results.py` everything else that is opened.
 """

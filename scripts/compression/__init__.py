@@ -1,1 +1,2 @@
-"""Error against bytes on the 100 MERL materials, beside other published methods."""
+"""These programs compare the error at a given number of bytes with published methods, on the 100 MERL materials and
+on real measurements."""

@@ -1,4 +1,4 @@
-"""The methods of the comparison that homofact fits, and the proxies that they are fitted to.
+"""Define the compared methods that homofact fits itself, and the proxies to which it fits them.
 
 Budgets of bytes that give the structure search the same textures, samples and effort have the same search: it is run
 once for them (`SharedSearch`), and its seconds count for each. Nothing else differs from fitting them one by one.

@@ -1,4 +1,5 @@
-"""Judge the methods of the comparison: the pairs, the pictures, the scores, and the cache of what is done.
+"""Evaluate the compared methods. This module defines the pairs of directions, the pictures and the scores, and
+caches finished results.
 
     MALE      mean |log(1 + f cosθi) − log(1 + f̂ cosθi)| over 20,000 pairs under 80°, uniform on both hemispheres
     Cole      mean squared difference of log((f + εA)/A) over the same, ε = 1e-2, A of the reading

@@ -37,80 +37,93 @@ from scripts.shared.harness import data_folder, finish, listed, markdown, parser
 STARTS = (0, 5, 2, 7, 4, 9, 1, 6, 3, 8)
 INTRODUCTION = """\
 Read this page to choose between homofact and other compact representations of a measured BRDF. It compares them on
-the 100 MERL materials, in error, bytes and speed. The other representations are NBRDF, NPF, Neural Processes, ABC
-and SGD as published ([references](references.bib)), and GGX lobes and McCool's projections, which homofact fits. The
-rows "ours" are homofact's default search at three budgets of bytes, with all other settings at their defaults. For
+the 100 MERL materials, in error, bytes and speed. The published representations are NBRDF (a neural network), NPF
+(non-parametric factors), Neural Processes (nps), ABC (a microfacet model) and SGD (shifted gamma distribution);
+see the [references](references.bib). homofact itself fits the other two: GGX lobes and McCool's projections. The
+rows "ours" are homofact's search at three byte budgets. All other settings are the defaults. For
 measurements instead of published fits, read [Real measurements](real.md). To compare methods on your own file, run
 
     homofact compare SOURCE --methods mccool,search,ggx,npf --plot out/methods.png
 
-The measurements of MERL may not be shipped. Three published fits of them (nbrdf, npf, nps) serve as proxies: a
-method is fitted to a proxy, and its error is measured against a proxy. The error of the proxies is therefore part of
-every figure except those of the [first table](#error-on-the-proxy-that-a-method-was-fitted-to).
+homofact may not redistribute the MERL measurements. Three published fits of them (nbrdf, npf, nps) serve as
+proxies. Each method is fitted to one proxy, and its error is measured against the same proxy or another one. Every
+figure therefore includes the error of the proxies, except in the [first
+table](#error-on-the-proxy-that-a-method-was-fitted-to).
 
 ![Error against bytes and speed](pictures/compression.png)"""
 READING = """\
-Each figure is a median over materials. The figure in brackets is the 90th percentile: a tenth of the materials is
-worse.
+Each figure is a median over materials. The figure in brackets is the worse end: a tenth of the materials is worse.
+It is the 90th percentile of an error. For SSIM and PSNR, where larger is better, it is the corresponding low
+percentile.
 
 - **MALE** is the mean of |log(1 + f cosθi) − log(1 + f̂ cosθi)|, **Cole** the Cole error with ε = 1e-2, and
-  **energy** the relative error of the total reflected light in the worst channel ([glossary](glossary.md)). They are
-  measured over 20,000 pairs of directions under 80°.
+  **energy** the relative error of the total reflected light in the worst channel ([glossary](glossary.md)). All
+  three use the same 20,000 pairs of directions, with θi and θo under 80°.
 - **MAE**, **RMSE**, **SSIM** and **PSNR** compare rendered spheres under three skies.
-- **bytes** are those of one material. `nps` also needs a decoder of 4 MB, which all materials share. **fetches** are
-  texture lookups per evaluation."""
+- **bytes** is the size per material. `nps` also needs a decoder of 4 MB, which all materials share. **fetches** is
+the number of texture lookups per evaluation."""
 OWN = """\
-Each method is judged by the proxy that it was fitted to, as published tables do. On MERL itself, Sztrajman et al.
-(2021) report an MAE of .0028 and an SSIM of .995 for NBRDF, and .0056 and .990 for NPF. Our targets were an MAE of
-.0025, an SSIM of .996 and a PSNR of 47 dB at 3.2 KiB, and a PSNR of 50 dB at 12 KiB and 56 dB at 48 KiB."""
+This table measures the error of each method against the proxy that it was fitted to. Published tables do the same. On
+MERL itself, Sztrajman et al. (2021) report an MAE of .0028 and an SSIM of .995 for NBRDF, and an MAE of .0056 and
+an SSIM of .990 for NPF. Our targets at 3.2 KiB were an MAE of .0025, an SSIM of .996 and a PSNR of 47 dB. Our
+targets for PSNR were 50 dB at 12 KiB and 56 dB at 48 KiB."""
 ADDED = """\
-A fit of a proxy can be nearer to the truth than the proxy only by chance. This table shows how much error the fit
-adds. The row "nbrdf itself" judges nbrdf by the two other proxies. The rows below it judge the fits of nbrdf by the
-same two. "Added by the fit" is the median difference of the two scores. "Fit better in" is the share of materials
-and judges for which the fit has the better score. homofact adds almost nothing at any budget. Its fits of nbrdf and
-nps are more often slightly nearer to the other proxies than nbrdf and nps are. McCool's projections and GGX, fitted
-to the same proxies, show what a real loss looks like."""
+A fit can be nearer to the true BRDF than its proxy only by chance. This table shows how much error the fit adds to
+that of the proxy. The row "nbrdf itself" gives the error of nbrdf, measured against the two other proxies. The rows
+below it give the errors of fits to nbrdf, measured against the same two proxies. "Added by the fit" is the median
+difference between the error of the fit and the error of its proxy. "Fit better in" is the share of pairs of a
+material and another proxy in which the fit is nearer than its proxy. homofact adds almost no error at any budget.
+By MALE and PSNR, its fits of nbrdf and nps are in most cases even slightly nearer to the other proxies than nbrdf
+and nps themselves. For comparison, McCool's projections and GGX, fitted to the same proxies, add a clear error."""
 OTHERS = """\
-A published fit is judged by the proxies other than itself. A method that homofact fits to one proxy is judged by the
-two others, and in the rows "mean of two proxies" by the third. homofact's fits are about as far from the other
-proxies as the proxy that they were fitted to. Its pooled row therefore lies between nbrdf, nps and npf: fits of npf
-inherit npf's error."""
+Each published fit is compared with the proxies other than itself. Each method that homofact fits to one proxy is
+compared with the two other proxies. In the rows "mean of two proxies", homofact fits the mean of two proxies and
+compares with the third. A homofact fit is about as far from the other proxies as its own proxy is. Each row "ours"
+pools the fits of all three proxies. Its error therefore lies between those of nbrdf, nps and npf, because the
+fits of npf inherit npf's error."""
 AHEAD = """\
-Each row compares homofact (first figure) with another method (second figure) by one proxy. If the other method is
-itself a proxy, homofact was fitted to that proxy, so both have the same information. Against methods that were
-published for MERL itself (abc, sgd) or fitted here, the row pools homofact's fits of the two other proxies. homofact
-has as many bytes as the other method, or its smallest budget if the other method has fewer. Judged by npf, abc is
-ahead of nbrdf and nps themselves. homofact was fitted to only these two there, so it is behind abc too."""
+Each row compares homofact (first figure) with another method (second figure). Both are measured against one proxy,
+named in the column "judged by". If the other method is itself a proxy, homofact was fitted to that proxy, so both
+have the same information. If the other method was fitted to MERL itself (abc, sgd) or fitted here, the row pools
+homofact's fits of the two proxies that do not judge. homofact uses the budget nearest to the other method's
+bytes, which is the smallest budget for all small methods. Measured against npf, even nbrdf and nps have a larger
+MALE than abc. homofact's fits in this row were made from these two proxies only, so their MALE is also larger."""
 SPEED = """\
-`scripts/compression/compression_speed.py` evaluates the same directions with every method in one run on one thread,
-each method at its best batch size, while other work ran on the machine. M/s are millions of evaluations per second,
-as a median over materials. homofact compiles the programs of all methods except nps, which runs in torch."""
+`scripts/compression/compression_speed.py` evaluates every method on the same directions, in one run on one thread.
+Each method uses its best batch size. Other work ran on the machine at the same time. M/s is the median over
+materials of millions of evaluations per second. "By material" is the range over these materials. homofact's own
+compiler compiles all methods (column "compiler": ours) except nps, which runs in torch."""
 SEEDED = """\
 `scripts/compression/compression_seeds.py` draws the samples and runs the fit with seeds 0, 1 and 2. The table shows
-the mean over the seeds ± the sample standard deviation. All fits are of nbrdf; "by others" means judged by the other
-proxies."""
+the mean over the seeds ± the sample standard deviation. All fits are made to nbrdf. "By others" means the error
+against the two other proxies."""
 ORDER = """\
-Sztrajman et al. (2021, table 1) rank the methods GGX < SGD < ABC < NPF < NBRDF. The table shows means over
-materials, each method judged by the proxies other than itself and other than the one it was fitted to."""
+Sztrajman et al. (2021, table 1) rank the methods, from worst to best: GGX, SGD, ABC, NPF, NBRDF. The table shows
+means over materials. Each method is compared only with proxies that are neither itself nor the one that it was
+fitted to."""
 SGD = """\
 ABC, NPF and NBRDF come out in the published order. SGD does not: it falls behind our GGX fits. The formula is not
-the reason. Term by term (distribution, masking, the sum, the order of the 33 numbers) it is that of the public
-implementation from which the numbers come, so the numbers are the reason. SGD's distribution falls off like
+the reason. We compared it term by term (distribution, masking, the sum, the order of the 33 parameters per
+material) with the public implementation from which the parameters come, and it is the same. So the published
+parameters are the reason. SGD's distribution falls off like
 exp(−tan²θh/α). Metals and metallic paints have a narrow highlight with a long tail. SGD makes such a highlight too
-wide and too low, and its tail ends where the proxies' tails continue. GGX has the long tail, and homofact fits it to
-cube roots, which keep the tail's weight; the published GGX was fitted differently. The table shows mean |log(f̂/f)|
-by the half vector's angle, as a median over materials with nbrdf as f. The figure in brackets is the share of pairs
-that are off by more than a factor of two."""
+wide and too low, and its tail falls to zero where the tails of the proxies continue. GGX has a long tail.
+homofact fits GGX to the cube roots of the values, so the tail keeps a large weight in the fit. The published GGX
+was fitted differently. The table shows the mean of |log(f̂/f)| in four ranges of the half vector's angle θh,
+where f is nbrdf. Each figure is a median over materials. The figure in brackets is the share of pairs whose f̂
+differs from f by more than a factor of two."""
 CROWDED = """\
-On the proxy that is fitted, 48 KiB are hardly better than 12 KiB. `scripts/compression/compression_limits.py`
-repeats the fits with more of one thing at a time. More texels, samples, textures and search effort all help little.
-The error that remains comes from the form of the fit: a product of textures of two coordinates cannot represent
-every function of three. "Highlight" is the root mean square difference of logarithms where θh < 10°, "rest" the same
-where θh is larger."""
+Measured against the fitted proxy, 48 KiB reduce the error hardly more than 12 KiB.
+`scripts/compression/compression_limits.py` repeats the fits and increases one setting at a time. More texels,
+more samples, more textures and more search effort all help little.
+The remaining error comes from the form of the fit. Each texture has two coordinates, and an isotropic BRDF depends
+on three. A product of such textures cannot represent every function of three coordinates. "Highlight" is the RMS
+difference of log f where θh < 10°. "Rest" is the same where θh is larger."""
 LIMITATIONS = """\
-- Every judge is a proxy with an error of its own. The measurements of MERL were not used.
-- NPF and NBRDF were fitted here to few materials. Each table states their number.
-- The seconds of a fit were measured while other work ran. If two budgets share a search, its seconds count for each."""
+- All errors are measured against proxies, which have errors of their own. The MERL measurements were not used.
+- homofact fitted NPF and NBRDF to only a few materials. The column "materials" gives their number.
+- Other work ran on the machine while the fits were timed. If two byte budgets share one search, its seconds are
+included in the time of both."""
 
 
 def spread(every: Sequence[str]) -> list[str]:

@@ -1,4 +1,4 @@
-"""The tables of the comparison with published compressions, made of its entries (`compression_fits.Entry`)."""
+"""Make the tables of the comparison with published compressions from its entries (`compression_fits.Entry`)."""
 
 import math
 import statistics

@@ -1,4 +1,4 @@
-"""Write fits of any kind as shading programs, so that they are counted and timed by the same compiler.
+"""Write fits of any kind as shading programs, so that the same compiler counts their operations and times them.
 
 With s = ωi + ωo, for which |s| = 2 cosθd and cosθh = s.z/|s|:
 

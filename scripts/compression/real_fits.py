@@ -1,4 +1,4 @@
-"""The real measurements, the methods to compare, and one fit with its cost."""
+"""Load the real measurements, list the methods to compare, and make one fit and measure its cost."""
 
 import sys
 import time

@@ -1,4 +1,5 @@
-"""Judge fits of real measurements: tables that can be evaluated anywhere, and samples.
+"""Evaluate fits of real measurements. The measurements are tables, which can be evaluated anywhere, or lists of
+samples.
 
 A measurement that can be evaluated anywhere gives, with f the measurement and f̂ the fit,
 

@@ -1,4 +1,4 @@
-"""The tables of the real measurements, made of finished fits (`real_measurements`)."""
+"""Make the tables of the page on real measurements from finished fits (`real_measurements`)."""
 
 import statistics
 import sys

@@ -1,1 +1,2 @@
-"""Data that the project makes, and readers of data that only scripts use."""
+"""These programs make the project's data and check its readers and writers. The modules read data that only scripts
+use."""

@@ -1,4 +1,5 @@
-"""Evaluate the published hybrid of microfacets and a network for RGL materials, each a reflectance by name.
+"""Evaluate published fits of RGL materials by a microfacet model with a small neural network. Each material is
+available by its name.
 
 De Oliveira et al. 2026 add a small network to a GGX lobe over a diffuse base. Their viewer's page publishes a shader
 for each material, `Ours_ld4_32x2_NAME_rgb.brdf`: eight parameters of the base, four of the material's place among all,

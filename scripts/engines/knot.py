@@ -1,4 +1,5 @@
-"""A torus knot for comparisons of light: the normals that are seen through the pixels of a picture, and images of them.
+"""Make a torus knot for comparisons of light. This module computes the normal at every pixel of a picture, and
+images from these normals.
 
 The knot is seen from far away along −z and fills the picture as `rendering.sphere` does a sphere. There are no shadows,
 no occlusion and no light from the knot itself: radiance depends on the normal alone. Tangents are those of a sphere at

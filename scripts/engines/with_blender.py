@@ -1,4 +1,4 @@
-"""Make pictures with Blender for the programs and tests that compare with it: runs `in_blender.py`.
+"""Render pictures with Blender for the programs and tests that compare with it. This module runs `in_blender.py`.
 
 The environment's HOMOFACT_BLENDER names Blender's program, or a Python that has bpy (the extra `blender`); else it is
 this Python, if it has bpy, or `blender` on the path.

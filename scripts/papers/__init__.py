@@ -1,1 +1,1 @@
-"""The numbers, tables and figures of studies that are written up in docs/papers."""
+"""These programs make the numbers, tables and figures of the studies in docs/papers."""

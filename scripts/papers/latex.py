@@ -1,4 +1,4 @@
-"""What the tables and the numbers of a LaTeX paper are written with: cells, booktabs tables, and macros of numbers."""
+"""Write tables and numbers for a LaTeX paper: cells, booktabs tables, and macros of numbers."""
 
 import re
 from collections.abc import Iterable, Sequence

@@ -1,4 +1,4 @@
-"""The figures of the study of small textures, as PDF files as wide as a column."""
+"""Draw the figures of the study of small textures as PDF files of column width."""
 
 import statistics
 import sys

@@ -1,4 +1,4 @@
-"""The numbers in the running text of the study of small textures, and the comparisons that its sentences make.
+"""Compute the numbers in the text of the study of small textures, and check the comparisons in its sentences.
 
 A number of the text is a macro of `numbers.tex`. A sentence that compares ("lower on all files") is in `claims` with
 the results that it rests on, so that results which are measured again show which sentences no longer hold.

@@ -1,4 +1,4 @@
-"""The kept results of the study of small textures, and how each of them is measured again.
+"""List the stored results of the study of small textures, and the command that repeats each measurement.
 
 Every experiment is one file of JSON lines, [key, result], that an existing program writes. `conditions.jsonl` beside
 them has for each experiment the command, the machine with its versions, the day, and a note for the paper.

@@ -1,4 +1,4 @@
-"""The tables of the study of small textures, as booktabs tabulars from the kept results."""
+"""Make the tables of the study of small textures as booktabs tabulars from the stored results."""
 
 import statistics
 import sys

@@ -1,1 +1,1 @@
-"""Pictures of the README, the site and the tutorials."""
+"""These programs draw the pictures of the README, the site and the tutorials."""

@@ -105,16 +105,17 @@ def main(arguments: list[str] | None = None) -> int:
         ]
     header = ("material", "energy", "worst albedo", "RMS", "floor", "sky dB", "Cole error")
     introduction = (
-        "See what homofact makes of paints, films and metals before you fit your own. Each sheet shows the source"
-        " beside its default fit with three textures of 32² (36 KiB), under a point light, a round lamp 10° wide and a"
-        " sky. Right of them are the differences, each scaled to its own maximum. Angles without measurements are"
+        "This page shows how well default fits reproduce paints, plastics and metals. Each sheet shows the source"
+        " and its default fit with three textures of 32² texels (36 KiB). The lights are a point light, a round lamp"
+        " 10° wide, and a sky. The difference pictures are on the right. The colours of each one are scaled to its"
+        " own maximum. Angles without measurements are"
         " hatched. The [table below](#errors) lists the errors."
     )
     errors = (
         "`python scripts/pictures/gallery.py` makes these sheets and this table. [Light](light.md) explains energy,"
         " worst directional albedo, relative RMS, the floor (the smallest RMS of any reciprocal fit), and the PSNR"
-        " under the sky. The Cole error is on held-out samples (20%). Where only samples exist, there is no source to"
-        " compare pictures with."
+        " under the sky. The Cole error is measured on held-out samples (20% of all samples). For the two lists of"
+        " samples, the table has no errors that need a picture or an albedo of the source."
     )
     text = "\n\n".join(
         [

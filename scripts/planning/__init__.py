@@ -1,1 +1,1 @@
-"""How good the planner's choices are."""
+"""These programs measure how good the choices of `homofact plan` and `homofact measure` are."""

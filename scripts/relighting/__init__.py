@@ -1,1 +1,1 @@
-"""Errors, sizes and seconds of relit scenes."""
+"""These programs measure errors, sizes and times of relit scenes."""

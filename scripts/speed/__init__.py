@@ -1,1 +1,1 @@
-"""Seconds and memory of fits, commands and evaluations."""
+"""These programs measure the time and memory of fits, commands and evaluations."""

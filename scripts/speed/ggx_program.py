@@ -1,4 +1,4 @@
-"""Write GGX lobes over a diffuse base (`homofact.brdf.analytic.ggx`) as a shading program, to be timed.
+"""Write GGX lobes over a diffuse base (`homofact.brdf.analytic.ggx`) as a shading program for timing.
 
 The program has no textures. With s = ωi + ωo, for which |s| = 2 cosθd and |s.xy|²/|s|² = sin²θh,
 

@@ -1,4 +1,4 @@
-"""The shaders that `shader_throughput` times, and the directions at which it evaluates them.
+"""Define the shaders that `shader_throughput` times, and the directions at which it evaluates them.
 
 Each way is a shading program with the textures that it reads, fitted to the same samples, beside the reflectance in
 Python that it must equal.

@@ -1,1 +1,1 @@
-"""Cost and robustness of sweeps, and sweeps over whole databases."""
+"""These programs measure the cost and robustness of sweeps, and run sweeps over whole databases."""

@@ -1,1 +1,2 @@
-"""How often the verdict, suspected data faults and the remedies for them are right."""
+"""These programs count how often the verdict is right, how often suspected data faults are real, and how often the
+remedies work."""

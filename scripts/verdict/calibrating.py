@@ -1,4 +1,5 @@
-"""Make the table of `homofact.evaluation.bar.table` from simulated fits: weights, quantiles and a threshold.
+"""Make the constants of the error bars (`homofact.evaluation.bar.table`) from simulated fits: weights, quantiles
+and a threshold.
 
 Weights are those of ridge regressions on all fits of the first two parts. Quantiles, and the threshold of the warning,
 are of what models miss that have not seen the kind of fault, of right data the material, that they are asked about:

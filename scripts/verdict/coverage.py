@@ -1,4 +1,5 @@
-"""Count how often error bars and warnings are right: by kind of fault, layout, material and method.
+"""Count how often error bars and warnings are right, for each kind of fault, layout of samples, material and
+method.
 
 A bar covers a fit where the true error is within it. "Stated" is the bar that a user sees, for right data or widened
 or withdrawn as the verdict has it; a withdrawn bar promises nothing, and is counted apart. Intervals are of 95%:

@@ -1,4 +1,5 @@
-"""Draw the cases of `calibrate.py`: a material, its measurement, a fault, and the methods that fit it.
+"""Randomly choose the cases of `calibrate.py`. A case is a material, its simulated measurement, a fault, and the
+methods that fit it.
 
 Three parts share no material, no kind of fault (`stability.faults`) and no settings but the searches': the error bars'
 table is made of the first two, and the third is drawn once, to be reported. Materials are neural surrogates of MERL and

@@ -1,4 +1,4 @@
-"""Plant an artefact on a good fit: a needle, a ring, a rim, a spot or a hole of random size and strength.
+"""Add an artefact to a good fit: a needle, ring, rim, spot or hole of random size and strength.
 
 A planted fit has f (1 + a b), a the strength and b a bump of height 1 over the half vector's angle θh, the angle φd of
 the light about it (from the plane of half vector and normal), and the angles of light and viewer. In degrees, with

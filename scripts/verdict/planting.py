@@ -1,4 +1,4 @@
-"""Plant faults on clean samples, to test the checks.
+"""Add faults to clean samples, to test the checks of units and conventions.
 
 Each takes samples, a strength and a seed. Of conventions the strength is a choice among few; of the instrument's faults
 it is a share of the value.

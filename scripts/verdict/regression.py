@@ -1,4 +1,5 @@
-"""Linear models for `calibrate.py`: ridge, logistic regression, and the quantile that makes a model a bound.
+"""Fit linear models for `calibrate.py`: ridge regression, logistic regression, and the quantile that turns a
+prediction into a bound.
 
 Columns are put in units of their standard deviation first, and clipped to the range that all but a hundredth of the
 fits at either end have: nothing is extrapolated.

@@ -214,54 +214,61 @@ HEAD = """\
 <!-- Made by `python scripts/verdict/robustness.py --out docs/robustness.md`: change the words there, not here. -->
 # Repair bad measurements
 
-Read this page when `homofact info` or a verdict reports outliers, gains, clipped values or noise. Four options of
-`homofact factorize` repair such data in part. The [last section](#results) shows how far, on simulated faults.
+Read this page if `homofact info` or a verdict reports outliers, gains (unknown scale factors of parts of the data),
+clipped values or noise. Four options of `homofact factorize` repair such data in part. The [last
+section](#results) shows how well they work on simulated faults.
 
     homofact factorize samples.csv --robust --calibrate rings+rows --epsilon floor --out out/repaired
 
 ## Exclude outliers
 
-`--robust` (`homofact/brdf/quality/outliers.py`) excludes samples that are far from all their neighbours, before
-homofact computes anything from the samples. It keeps highlights, because the samples of a highlight agree with each
-other. `outliers` in the details of the fit is the share of the weight that was excluded.
+`--robust` (`homofact/brdf/quality/outliers.py`) excludes samples whose values are far from those of all their
+neighbours. It does so before homofact computes anything from the samples. It keeps highlights, because the samples
+of a highlight agree with each
+other. The entry `outliers` in the details of the fit gives the excluded share of the total sample weight.
 
-- An outlier that is the nearest sample of all to the mirror direction looks like a highlight. One such sample can
-  spoil a search. Expect this from 5% of outliers upwards.
-- Many zero samples, such as half of all, are not treated as outliers.
+- If the sample nearest to the mirror direction is an outlier, it looks like a highlight and is kept. One such
+sample can spoil a search. Expect this if 5% or more of the samples are outliers.
+- If many samples are zero, for example half of them, `--robust` does not treat them as outliers.
 
 ## Divide out gains
 
-`--calibrate rings` (`homofact/brdf/quality/gains.py`) estimates the gain of every ring of θi and of θo together with
-a smooth reciprocal fit, and divides the gains out. `--calibrate rows` does so for blocks of rows, for a lamp that
-drifts.
+`--calibrate rings` (`homofact/brdf/quality/gains.py`) estimates one gain for every ring of equal θi and of equal
+θo. It fits the gains and a smooth reciprocal BRDF at the same time, and then divides the samples by the gains.
+`--calibrate
+rows` does the same for blocks of consecutive rows of the file. Use it if the lamp drifted.
 
-- The mean of the log gains cannot be found, nor a smooth gain that is the same over θi and θo: both are equally valid
-  samples of another material. If the gains over both angles are random, this part remains, and the fit may not
-  improve.
-- Gains that a clean material can also show are reported and not divided out. Clean samples stay bit-identical.
-- A few bad rings among good ones are found one by one: each ring that `homofact info` suspects has its step against its
-  neighbours divided out, at most four. The other rings stay bit-identical.
+- Two parts of the gains cannot be determined: their mean logarithm, and a smooth gain that depends in the same way
+on θi and θo. Samples with such a gain are also valid samples of another material. If both the θi rings and the θo
+rings have random gains, this part remains, and the fit may not improve.
+- homofact reports gains that could also come from the material itself, and does not divide them out. Clean samples
+therefore stay bit-identical.
+- If only a few rings are bad, homofact treats them one by one. For each ring that `homofact info` suspects, it
+divides out the step between this ring and its neighbours. It does this for at most four rings. The other rings
+stay bit-identical.
 
 ## Treat clipped values as bounds
 
-With `--clipped found`, or a level in sr⁻¹ (`homofact/brdf/quality/clipping.py`), clipped values raise a fit that is
-below them and never lower one that is above. Smoothing extrapolates the flank of the highlight over them, which is a
-guess. The search still chooses projections with the clipped values as they are: without them, it chose projections
-whose highlight was up to ten times too bright.
+Use `--clipped found` to detect the clipping level, or give the level in sr⁻¹ (`homofact/brdf/quality/clipping.py`).
+The fit then uses clipped values as lower bounds: they raise a fit that is below them, and never lower a fit that
+is above them. Where values are clipped, smoothing extrapolates the flank of the highlight. This is a guess. The
+search still takes the clipped values as exact when it chooses projections. When the search ignored the clipped
+values, it chose projections whose highlight was up to ten times too bright.
 
 ## Set ε from the noise
 
 `--epsilon floor` (`homofact/brdf/quality/noise_floor.py`) sets ε from the scatter of the darkest quarter of the
-samples: between samples at the same place, swapped samples, and neighbours. A constant offset looks like a Lambertian
-material and cannot be found. If the noise is as large as the mean, clipping it at zero has already brightened the
-dark samples, and no ε repairs that.
+samples. It compares repeated samples of the same pair of directions, samples with light and viewer swapped, and
+neighbouring samples. A constant offset of all values looks like Lambertian reflection, so homofact cannot detect
+it. If the noise is as large as the mean, setting negative values to zero has already made the dark samples too
+bright on average. No ε can repair that.
 
 ## Results
 
 The cells of the [atlas](stability.md), fitted without and with the option, over {seeds} draws each. `light` is the
-light of the fit over that of the clean material, in the band of angles where it is farthest off. `explained` is the
-explained share of the clean logarithms. Both are the worst of the draws. A fit is good if the light is within 15% and
-90% is explained.
+total reflected light of the fit divided by that of the clean material, in the band of incidence angles where this
+ratio is farthest from 1. `explained` is the share of the clean logarithms that the fit explains. Both columns
+give the worst of the 3 draws. A fit is good if `light` is within 15% of 1 and `explained` is at least 90%.
 """
 
 

@@ -1,4 +1,4 @@
-"""Simulate fits for `calibrate.py`, and store line by line what is measured of each and what is true of it.
+"""Simulate fits for `calibrate.py`. For each fit, store one line with its measured features and its true errors.
 
 A store is a file of JSON lines, one a fit; what it holds is not fitted again. What is true comes from the clean
 material alone: the error of the albedo at each angle (the largest |log| over the channels), of the highlight, of the

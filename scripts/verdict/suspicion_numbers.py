@@ -174,7 +174,7 @@ def tables(found: list[Said]) -> str:
             "Suspicions per test, on clean and faulty materials together; \"right\" means that the suspicion names the"
             " simulated fault:",
             markdown(("check", "said", "right", "share"), _by_check(found)),
-            "Suspicions by their odds, all tests:",
+            "The suspicions of all tests, grouped by their odds:",
             markdown(("odds to 1", "said", "right", "share"), _by_odds(found)),
         ]
     )  # fmt: skip
