@@ -66,9 +66,8 @@ def export(
         int | None,
         typer.Option(
             metavar="N",
-            help=f"Texels per side of each face of the prefiltered cube map, a power of two. More give sharper
-            reflections."
-            f" Default: {SKY_SIDE}.",
+            help=f"Texels per side of each face of the prefiltered cube map, a power of two. More give sharper"
+            f" reflections. Default: {SKY_SIDE}.",
             show_default=False,
         ),
     ] = None,
