@@ -81,15 +81,16 @@ class SourceSettings(_Checked):
     )
     scheme: str = option(
         DEFAULT_SCHEME,
-        "Distribution of the pairs of directions sampled from an analytic model: lobe puts half of them around the"
-        " highlight, discs spreads them evenly",
+        "Distribution of the pairs of directions sampled from an analytic model (lobe: half of them around the"
+        " highlight, half as with discs; discs: uniform in the parabolic discs, as in Cole's thesis; cosine: by the"
+        " cosines of both angles; grid: a regular grid in the discs)",
         choices=SCHEMES,
         panel=SOURCE,
     )
     calibrate: tuple[str, ...] = option(
         DEFAULT_CALIBRATE,
-        "Faults of the instrument to correct. tilt is a tilt of the sample, rings a gain per ring of angles, rows a"
-        " drift of the lamp. auto corrects a tilt, but only in complete tables and only if the evidence is clear",
+        "Faults of the instrument to correct (tilt: a tilt of the sample; rings: a gain per ring of angles; rows: a"
+        " drift of the lamp; auto: a tilt, but only in complete tables and only if the evidence is clear)",
         choices=CALIBRATIONS, separators="+,", metavar="A+B",
         expected_instead=none_twice, panel=SOURCE, everyday=True,
     )  # fmt: skip
@@ -123,7 +124,13 @@ class SourceSettings(_Checked):
 class EvaluateSettings(_Checked):
     """`held_out`: the part of the measured samples kept from the fit, drawn by the seed; 0 in `factorize` alone."""
 
-    held_out: float = option(HELD_OUT, "Share of the samples held out from the fit", least=0, below=1, panel=SOURCE)
+    held_out: float = option(
+        HELD_OUT,
+        "Share of the samples held out from the fit. Only factorize accepts 0",
+        least=0,
+        below=1,
+        panel=SOURCE,
+    )
 
 
 @dataclass(frozen=True)
@@ -140,7 +147,11 @@ class CompareSettings(_Checked):
     """
 
     sources: tuple[str, ...] = option(
-        (), "Measurement files, or material:NAME", argument=True, metavar="SOURCE...", expected_instead=none_twice
+        (),
+        "Measurement files, material:NAME, or folders that homofact wrote",
+        argument=True,
+        metavar="SOURCE...",
+        expected_instead=none_twice,
     )
     methods: tuple[str, ...] = option(
         COMPARED,
@@ -185,8 +196,16 @@ class CompareSettings(_Checked):
 class OutputSettings(_Checked):
     """Where the result goes (`folder`), and whether a result already there is replaced (`force`)."""
 
-    folder: str | None = option(None, "Folder for the result (required)", flag="out", metavar="FOLDER", panel=OUTPUT)
-    force: bool = option(False, "Replace an existing result", panel=OUTPUT)
+    folder: str | None = option(
+        None,
+        "Folder for the result. Required, here or in the configuration file",
+        flag="out",
+        metavar="FOLDER",
+        panel=OUTPUT,
+    )
+    force: bool = option(
+        False, "Replace an existing result, or repeat the fits of a chart (homofact compare --chart)", panel=OUTPUT
+    )
 
 
 @dataclass(frozen=True)

@@ -11,16 +11,16 @@ HEAD = """\
 <!-- Made by `python docs/make_scripts_page.py`: change the docstrings, not this page. -->
 # Programs behind the numbers
 
-Programs in the repository produce every number, table and picture of this documentation. Find the program here, and
-run it from a checkout to repeat the measurement:
+Programs in the repository produce the numbers, tables and pictures of this documentation. Find the program here, and
+run it from a checkout to repeat the measurement. The last column of each table links to the pages that name the
+program. If it is empty, no page does, for example because the program only checks something:
 
     python scripts/accuracy/seeds.py --help
     python scripts/accuracy/seeds.py --short
 
-`--short` runs a smoke test in seconds. `--data FOLDER`, or the environment variable HOMOFACT_DATA, sets the folder
-with the real measurements.
-`--out FILE.md` also writes the printed tables to a file. `scripts/shared/harness.py` contains the code that all
-programs share.
+`--short` runs a smoke test in seconds. `--data FOLDER`, or the environment variable HOMOFACT_DATA, sets the folder with
+the real measurements. `--out FILE.md` also writes the printed tables to a file. `scripts/shared/harness.py` contains
+the code that all programs share.
 """
 
 
@@ -45,7 +45,7 @@ def _topic(folder: PurePosixPath, pages: Mapping[str, str], naming: Mapping[str,
     return [
         f"## {folder.name.capitalize()}\n",
         f"{summary(f'{folder}/__init__.py')}\n",
-        "| program | what it does | its figures |",
+        "| program | what it does | named on the pages |",
         "| --- | --- | --- |",
         *rows,
         *(["", "Modules of these programs:\n", *(f"* {line}" for line in others)] if others else []),

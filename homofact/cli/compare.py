@@ -71,19 +71,17 @@ def compare(
 ) -> None:
     """Fit several methods to the same samples and print their errors and costs.
 
-    With several sources, or with --csv or --latex, it prints or writes the mean and standard deviation over
-    sources, seeds and splits, for each method and number of bytes.
-    With --bytes, the method search uses the whole byte budget. The methods mccool, cole, svd and nmf get the
-    largest textures that fit into it. Models have no textures, so --bytes does not affect them. After Ctrl-C
-    it prints the finished comparisons and exits with code 130.
+    With several sources, or with --csv or --latex, it prints or writes the mean and standard deviation over sources,
+    seeds and splits, for each method and number of bytes. With --bytes, the method search uses the whole byte budget.
+    The methods mccool, cole, svd and nmf get the largest textures that fit into it. Models have no textures, so --bytes
+    does not affect them. After Ctrl-C it prints the finished comparisons and exits with code 130.
 
     If the SOURCES are folders of fits, it compares these fits with their source on the same samples. With --on
     FILE, it compares them with another measurement instead. --plot FILE.png draws the result.
 
-    With --chart it fits every combination of method, number of textures, size and search effort. For each SOURCE it
-    writes NAME.csv with all runs, and two charts as PNG and SVG: NAME_time (error against fitting time) and
-    NAME_cost (error against bytes and fetches). It does not
-    repeat fits that are already in the CSV.
+    With --chart it fits every combination of method, number of textures, size and optimizer (--search). For each SOURCE
+    it writes NAME.csv with all runs, and two charts as PNG and SVG: NAME_time (error against fitting time) and
+    NAME_cost (error against bytes and fetches). It does not repeat fits that are already in the CSV.
     """
     asked = settings.compare
     others = [place for place in asked.sources if not (RESULT.is_at(Path(place)) or EXPORT.is_at(Path(place)))]

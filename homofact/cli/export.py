@@ -78,10 +78,9 @@ def export(
 ) -> None:
     """Write textures and the shaders that read them: GLSL, HLSL, WGSL, C.
 
-    The folder gets the textures, brdf.glsl, brdf.hlsl, brdf.wgsl and
-    brdf.c, each with homofact_evaluate(wi, wo), homofact_sample(wo, u) and
-    homofact_density(wi, wo), and manifest.json with everything that a loader
-    needs. The command prints the error of the stored texels.
+    The folder gets the textures, brdf.glsl, brdf.hlsl, brdf.wgsl and brdf.c, each with homofact_evaluate(wi, wo),
+    homofact_sample(wo, u) and homofact_density(wi, wo), and manifest.json with everything that a loader needs. The
+    command prints the error of the stored texels.
     With --prefilter the folder also gets a table of the material, the prefiltered sky, and prefiltered.glsl, .hlsl,
     .wgsl and .c, each with homofact_light_reflected(n, wo). All materials share the prefiltered sky.
     """

@@ -41,9 +41,8 @@ def factorize(
 ) -> None:
     """Fit a BRDF and write its textures, pictures and errors to a folder.
 
-    The folder gets factorization.npz (homofact.load reads it back),
-    manifest.json, every texture as EXR and PNG, report.json, and
-    compare.png, which shows the source, the fit and a fit by McCool's projections on a lit sphere.
+    The folder gets factorization.npz (homofact.load reads it back), manifest.json, every texture as EXR and PNG,
+    report.json, and compare.png, which shows the source, the fit and a fit by McCool's projections on a lit sphere.
     """
     source = source_of(settings)
     if settings.output.folder is None:

@@ -47,14 +47,11 @@ def info(
 ) -> None:
     """Describe measurement files, named materials, or the folders of fits, plans or scenes.
 
-    Without SOURCE it lists the named materials. Use one as SOURCE by writing material:NAME.
-    Several SOURCEs are described one after another.
-    For a result folder (from homofact factorize) it prints the fit and its error bars at each incidence angle. For
-    the folder of a plan (homofact plan) it
-    prints what was chosen for each material, its bytes and errors. For the
-    folder of a scene (homofact relight, homofact edit) it prints the
-    contents and their errors. For a TOML file
-    (a configuration, a sweep, a scene) it names the command that reads it.
+    Without SOURCE it lists the named materials. Use one as SOURCE by writing material:NAME. With several SOURCEs it
+    describes one after another. For a result folder (from homofact factorize) it prints the fit and its error bars at
+    each incidence angle. For the folder of a plan (homofact plan) it prints the choice for each material, its bytes and
+    errors. For the folder of a scene (homofact relight, homofact edit) it prints the contents and their errors. For a
+    TOML file (a configuration, a sweep, a scene) it names the command that reads it.
     """
     screen = Screen(as_json, quiet)
     if settings.source.path is None and not settings.compare.sources:

@@ -59,8 +59,8 @@ _Out = Annotated[
 _Complete = Annotated[
     Path | None,
     _option(
-        "File for samples of the whole material, in which missing directions are predicted from the statistics."
-        " Use it as input of homofact factorize.",
+        "File for 12,000 samples of the whole material, predicted from your samples and the statistics. Use it as"
+        " input of homofact factorize.",
         None,
         "FILE.csv",
         False,
@@ -82,8 +82,10 @@ _Separation = Annotated[float, _option("Smallest possible angle between light an
 _Resolution = Annotated[
     float, _option("Angular resolution in degrees. All chosen angles are multiples of it.", _GONIOMETER)
 ]
-_Rings = Annotated[float, _option("With --incidences: step of the detector's polar angle, in degrees.", _GONIOMETER)]
-_Azimuths = Annotated[float, _option("With --incidences: step of the azimuth, in degrees.", _GONIOMETER)]
+_Rings = Annotated[
+    float, _option("Step of the detector's polar angle at one incidence angle, in degrees.", _GONIOMETER)
+]
+_Azimuths = Annotated[float, _option("Step of the azimuth at one incidence angle, in degrees.", _GONIOMETER)]
 _Speed = Annotated[float, _option("Speed of each axis, in degrees per second.", _GONIOMETER)]
 _Settle = Annotated[float, _option("Settling time of an axis after each move, in seconds.", _GONIOMETER)]
 

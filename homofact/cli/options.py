@@ -19,13 +19,13 @@ from homofact.methods.table import METHODS
 from homofact.sections import FIT, SOURCE
 from homofact.settings.options import Declared
 
-Result = Annotated[Path, typer.Argument(metavar="RESULT", help="A result's folder, or its factorization.npz.")]
+Result = Annotated[Path, typer.Argument(metavar="RESULT", help="A result folder, its factorization.npz, or an export.")]
 MadeFrom = Annotated[
     str | None,
     typer.Option(
         metavar="SOURCE",
-        help="Source of the fit: a measurement file, or material:NAME. By default homofact uses the source recorded"
-        " in the fit, if it can still be found.",
+        help="Source of the fit, for its errors: a measurement file, or material:NAME. By default homofact uses the"
+        " source recorded in the fit. It looks for a moved file in the working folder and near the result.",
         show_default=False,
     ),
 ]
@@ -34,7 +34,8 @@ Seeds = Annotated[
     typer.Option(
         "--seeds",
         min=1,
-        help="Number of seeds to fit with, from --seed on, all on one split. Prints means with their spread.",
+        help="Number of seeds, starting with --seed. All seeds use the same split. The command prints means and"
+        " standard deviations.",
         rich_help_panel=FIT,
     ),
 ]

@@ -72,13 +72,11 @@ def plan(
 ) -> None:
     """Find the smallest representation of each material of a scene within your tolerance.
 
-    The plan meets the scene's tolerances under each of the scene's lightings. homofact checks this in rendered
-    views, and adds a safety margin for other views. If the byte budget is
-    too small, it distributes the bytes so that the picture has the smallest
-    error. For a relighting scene, it chooses the transport settings of each
-    object. plan does not correct measurements. If a measured sample was tilted, first undo the tilt with homofact
-    convert --calibrate tilt. The documentation explains all this on
-    the page "Plan a scene".
+    The plan meets the scene's tolerances under each of the scene's lightings. homofact checks this in rendered views,
+    and adds a safety margin for other views. If the byte budget is too small, it distributes the bytes so that the
+    picture has the smallest error. For a relighting scene, it chooses the transport settings of each object. The
+    command does not correct measurements. If a measured sample was tilted, first undo the tilt with homofact convert
+    --calibrate tilt. The documentation explains all this on the page "Plan a scene".
     """
     from homofact.api.planning import PlanRefused, PlanResult, TransportPlan, plan
 

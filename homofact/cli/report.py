@@ -30,10 +30,9 @@ def report(
 ) -> None:
     """Write the report of a sweep as a website that works offline.
 
-    The site has charts and a table of all fits, the worst ten by each
-    metric, the sources that failed, and the changes since an earlier sweep (--against). Each material has a page
-    with its pictures, textures, verdict and
-    viewer. CSV and Parquet files contain all figures. Open SITE/index.html.
+    The site has charts and a table of all fits, the worst ten by each metric, the fits that failed, and the changes
+    since an earlier sweep (--against). Each material has a page with its pictures, textures, verdict and viewer. CSV
+    and Parquet files contain all figures. Open SITE/index.html.
     """
     from homofact.api.reporting import report
 

@@ -17,7 +17,7 @@ from homofact.settings.options import MOST_SEED
 def stability(
     out: Annotated[
         Path | None,
-        typer.Option(metavar="FOLDER", help="Folder for the tables and pictures.", rich_help_panel="Output"),
+        typer.Option(metavar="FOLDER", help="Folder for the tables and pictures (required).", rich_help_panel="Output"),
     ] = None,
     document: Annotated[
         Path | None,

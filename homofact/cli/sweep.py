@@ -48,8 +48,8 @@ def sweep(
         int | None,
         typer.Option(
             metavar="N",
-            help="Fit one basis of N textures for all sources, and N coefficients per source. Prints the number of"
-            " sources from which on the basis needs fewer bytes than separate textures.",
+            help="Fit one basis of N textures for all sources, and N coefficients per source and channel. Prints the"
+            " number of sources from which on the basis needs fewer bytes than separate textures.",
         ),
     ] = None,
     as_json: o.AsJson = False,

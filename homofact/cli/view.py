@@ -12,7 +12,13 @@ NAME = "view.html"
 
 
 def view(
-    result: o.Result,
+    result: Annotated[
+        Path,
+        typer.Argument(
+            metavar="RESULT",
+            help="A result folder, its factorization.npz, an export, or the folder of a relit or prepared scene.",
+        ),
+    ],
     source: o.MadeFrom = None,
     mesh: Annotated[
         Path | None, typer.Option(metavar="FILE.obj", help="Mesh (OBJ, PLY, glTF) to show the material on.")
@@ -32,10 +38,10 @@ def view(
     """Write a page that shows a result in a browser, with movable light and camera.
 
     The page is one HTML file that needs WebGL 2 and no network. It shows the fit, a fit by McCool's projections at
-    the same size, and the source side by side on a sphere or a mesh. It also shows their differences, the
-    textures and the held-out errors. For a relit scene (homofact relight) it shows the objects with
-    their shadows, under built-in skies, --sky, or a dropped .hdr file. For a prepared scene (from homofact edit) it
-    shows pictures, and curves that you can drag.
+    the same size, and the source side by side on a sphere or a mesh. It also shows their differences, the textures and
+    the held-out errors. For a relit scene (from homofact relight) it shows the objects with their shadows, under
+    built-in skies, --sky, or a dropped .hdr file. For a prepared scene (from homofact edit) it shows pictures, and
+    curves that you can drag.
     """
     from homofact.api.viewing import view
 

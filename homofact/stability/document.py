@@ -22,7 +22,6 @@ from homofact.stability.cells import (
 from homofact.stability.problem import Stressor
 from homofact.stability.solver_atlas import AGREES, AGREES_ILL, SYSTEMS, WELL_POSED, SolverCell, SolverOutcome
 from homofact.stability.stressors import stressor
-from homofact.version import __version__
 
 _MANY = 20  # fits: fewer get no percentage
 _WORDS = {
@@ -50,8 +49,16 @@ def document(atlas: Atlas, solvers: list[SolverCell], link: str, where: str) -> 
 
 
 def _head(atlas: Atlas, link: str) -> str:
-    tally = ", ".join(f"{count} {name}" for name, count in atlas.counts().items() if count)
+    counts = atlas.counts()
+    silent = counts.pop(CellOutcome.SILENT.value)
+    tally = ", ".join(f"{count} are {name}" for name, count in counts.items() if count)
     methods = atlas.plan.methods
+    warned = [name for name in methods if name in atlas.unstressed and atlas.unstressed[name].said]
+    warned_words = (
+        f" The verdicts of {', '.join(warned)} warn even without a stressor, so their fits have no \\*."
+        if warned
+        else ""
+    )
     rows = "\n".join(_summary(atlas, stressor(name)) for name in atlas.plan.stressors)
     return f"""\
 <!-- Made by `make stability`: change the paragraphs in homofact/stability, not here. -->
@@ -66,12 +73,13 @@ writes one row per fit to `atlas.csv` and draws the pictures below.
 
 ## Which data damage which method
 
-Each of {len(atlas.plan.stressors)} stressors changes the data of a test problem step by step, from harmless to fatal.
-{len(methods)} methods fit every step: {tally}.
+A stressor is one fault of the data or of the settings, applied to a test problem at several strengths, from harmless
+to fatal. There are {len(atlas.plan.stressors)} stressors. {len(methods)} methods fit each step. Of the results,
+{tally}. {silent or "No"} fits are silently wrong.
 
 Each cell shows the worst fit over all strengths of a stressor: its error, divided by the same method's error
-without the stressor or by 0.0025 if that is larger.
-\\*: the fit's own verdict warns. **silent**: the error is over {WRONG:g} times as large, and nothing warns.
+without the stressor or by {WORTH_AN_ERROR:g} if that is larger. \\*: the verdict warns, while that of the unstressed
+fit does not. **silent**: the error is over {WRONG:g} times as large, and the verdict does not warn.{warned_words}
 [How it is measured](#how-it-is-measured) defines the terms, such as degraded and unstressed. {_coverage(atlas.cells)}
 
 | stressor | {" | ".join(methods)} |
@@ -92,7 +100,7 @@ def _coverage(cells: Sequence[Cell]) -> str:
     if not stated:
         return "No fit states an error bar of total reflected light, so there is nothing to compare."
     held, none = sum(cell.held is True for cell in stated), len(fits) - len(stated)
-    silent = f"; {none} more state none" if none else ""
+    silent = f"; {none} more fits state no error bar" if none else ""
     share = f" ({held / len(stated):.0%})" if len(stated) >= _MANY else ""
     return (
         f"The error bar of total reflected light covers the true error in {held} of {len(stated)} fits{share}{silent}."
@@ -133,13 +141,21 @@ def _measuring(atlas: Atlas, where: str) -> str:
         for name, judged in atlas.unstressed.items()
     )
     absent, really = "".join(f"\n\n{in_markdown(note)}." for note in atlas.notes), _really_bad(atlas)
+    silent = atlas.counts()[CellOutcome.SILENT.value]
+    names = [name for name, judged in atlas.unstressed.items() if judged.error < WORTH_AN_ERROR]
+    small = (
+        f" For {' and '.join(names)}, the divisor {WORTH_AN_ERROR:g} is larger than the unstressed error."
+        if names
+        else ""
+    )
     return f"""\
 ## How it is measured
 
-Every cell of a table is one fit of stressed samples. All fits share their settings: {shared}.
-There are {scale.samples} samples of a Blinn-Phong material with a broad highlight, and a fifth of them is held out.
-Each fit is then judged on {scale.clean} clean samples that it never saw. The error is the mean squared error in log
-space with ε = {JUDGING_EPSILON:g}. Tables show it as a multiple of the same method's error without the stressor, or of
+Every cell of a section's table is one fit of stressed samples. Unless the stressor changes them, all fits use the
+same settings: {shared}. Unless the stressor has a material of its
+own, the test problem has {scale.samples} samples of a Blinn-Phong material with a broad highlight. A fifth of them is
+held out. The error of each fit is then measured on {scale.clean} clean samples that were not fitted: the Cole error
+with ε = {JUDGING_EPSILON:g}. The tables divide it by the same method's error without the stressor, or by
 {WORTH_AN_ERROR:g} (an RMS of 5%) if that is larger.
 
 homofact compares the error bar of total reflected light with the clean samples in bands of incidence angle, within
@@ -150,18 +166,19 @@ If a verdict begins “the fit has errors typical of bad fits”, homofact bases
 error on held-out samples, the difference from an interpolation of the nearest samples, and others. The line `Why
 it warns` in the output of `factorize` lists the decisive ones. In the calibration of the verdict, most fits with
 such errors were bad, many because of faulty samples. homofact therefore states the wider error bars that it uses
-for faulty samples. Check the data (`homofact info`), then
-follow the line `Try next`.
+for faulty samples. Check the data (`homofact info`), then follow the line `Try next`. The verdicts quoted on this page
+are those of the build that made it. A later calibration may print other limits, and another share than “nine of ten”
+([How accurate the verdict is](verdict.md)).
 
-* **ok**: the error is at most {DEGRADED:g} times the unstressed error, and the verdict finds nothing that it does not
-  find in the unstressed fit.
-* **degraded**: the error is larger, or the verdict warns (\\*). Most warnings come before the damage.{really}
+* **ok**: the error is at most {DEGRADED:g} times the unstressed error, and the verdict contains no finding that the
+  verdict of the unstressed fit lacks.
+* **degraded**: the error is larger, or the verdict warns and that of the unstressed fit does not (\\*).{really}
 * **refused**: homofact makes no fit and prints one line that names the problem.
-* **silently wrong**: the error is over {WRONG:g} times the unstressed error, and nothing warns. These tests exist to
-  find such fits.
+* **silently wrong**: the error is over {WRONG:g} times the unstressed error, and the verdict does not warn. These tests
+  exist to find such fits; they found {silent or "none"}.
 
 A multiple below 1 is no mistake. Some stressors make the problem easier, for example if only a region with constant
-values remains. For search and mccool, the divisor 0.0025 is larger than the unstressed error.
+values remains.{small}
 
 This table shows the fits without a stressor:
 
@@ -169,7 +186,7 @@ This table shows the fits without a stressor:
 | --- | --- | --- | --- |
 {base}
 
-All numbers were measured with seed {atlas.plan.seed} and homofact {__version__} on {in_markdown(where)}.{absent}"""
+All numbers were measured with seed {atlas.plan.seed} on {in_markdown(where)}.{absent}"""
 
 
 def _really_bad(atlas: Atlas) -> str:
@@ -182,14 +199,19 @@ def _really_bad(atlas: Atlas) -> str:
     if not cells:
         return ""
     bad = Counter(cell.method for cell in fine if cell.bad)
-    methods = ", ".join(f"{bad[name]} {name}" for name in atlas.plan.methods)
+    methods = ", ".join(f"{bad[name]} by {name}" for name in atlas.plan.methods)
+    known = {name for name, judged in atlas.unstressed.items() if judged.said}
+    usual = sum(cell.bad and cell.method in known for cell in degraded if not cell.new)
     bad_warned, all_bad = (sum(cell.bad for cell in those) for those in (warned, degraded))
     return (
-        f" Judged by total\n  reflected light, {all_bad} of these {len(degraded)} fits are bad: they are off by over"
-        f" {BAD_LIGHT:.0%} in a band of angles, or explain under\n  {LEAST_EXPLAINED:.0%} of the clean logarithms. The"
-        f" verdict warns of {len(warned)} fits, of which {bad_warned} are bad; of the others, {all_bad - bad_warned}"
-        f" are.\n  Of the {len(fine)} fits called ok, {bad.total()} are bad, but without the stressor their method is"
-        f" about as bad\n  ({methods})."
+        f" {all_bad} of these {len(degraded)}\n  fits are bad: their total reflected light is off by over"
+        f" {BAD_LIGHT:.0%} in a band of angles, or they explain less than\n  {LEAST_EXPLAINED:.0%} of the variance of"
+        " the clean logarithms. (The page on the [accuracy of the verdict](verdict.md#the-warning)\n  calls other fits"
+        f" bad: it compares albedo and pictures.) {len(warned)} of the {len(degraded)} fits have a new warning,\n  and"
+        f" {bad_warned} of these are bad. Of the {len(degraded) - len(warned)} fits without a new warning,"
+        f" {all_bad - bad_warned} are bad; {usual} of these are\n  by methods whose verdict warns even without a"
+        f" stressor. {bad.total()} of the {len(fine)} fits called ok are bad\n  ({methods}). Without the stressor,"
+        " these methods are about as bad on this problem."
     )
 
 
@@ -232,19 +254,22 @@ def _measured(atlas: Atlas, stress: Stressor) -> str:
         ranked = sorted(worst.values(), key=lambda cell: cell.factor or 0)
         low, high = ranked[0], ranked[-1]
         if len(ranked) == 1:
-            sentences.append(f"The worst fit has {low.factor:.2g} times the unstressed error ({low.method}).")
+            sentences.append(
+                f"The error of the worst fit is {low.factor:.2g} ({low.method}) times the unstressed error (at least"
+                f" {WORTH_AN_ERROR:g})."
+            )
         else:
             sentences.append(
-                f"The worst fit of a method has between {low.factor:.2g} ({low.method}) and {high.factor:.2g}"
-                f" ({high.method}) times its unstressed error."
+                f"The error of each method's worst fit is {low.factor:.2g} ({low.method}) to {high.factor:.2g}"
+                f" ({high.method}) times its unstressed error (at least {WORTH_AN_ERROR:g})."
             )
         warned = next((cell for cell in reversed(ranked) if cell.new), None)
         if warned is not None and warned.said:
-            sentences.append(f"The verdict on the fit by {warned.method} is then “{in_markdown(warned.said[0])}.”")
+            sentences.append(f"The verdict on the worst fit by {warned.method} is “{in_markdown(warned.said[0])}.”")
     refused = next((cell for cell in cells if cell.outcome is CellOutcome.REFUSED), None)
     if refused is not None:
         sentences.append(
-            f"From {refused.label} onwards the data are refused: “{in_markdown(refused.message.partition(': ')[2])}.”"
+            f"From {refused.label} on, homofact refuses the data: “{in_markdown(refused.message.partition(': ')[2])}.”"
         )
     sentences.append(_coverage(cells))
     silent = [f"{cell.method} at {cell.label}" for cell in cells if cell.outcome is CellOutcome.SILENT]
@@ -266,9 +291,9 @@ def _solvers(cells: list[SolverCell], link: str) -> str:
     silent = [f"{cell.solver} on “{cell.system}”" for cell in cells if cell.answer is SolverOutcome.SILENT]
     table = "\n".join(rows)
     silence = (
-        f"{len(silent)} answers differ without a warning: {', '.join(silent)}."
+        f"{len(silent)} solutions differ without such a status: {', '.join(silent)}."
         if silent
-        else "No answer differs silently."
+        else "No solver returns a different solution without such a status."
     )
     return f"""\
 ## The linear solvers
@@ -278,15 +303,15 @@ def _solvers(cells: list[SolverCell], link: str) -> str:
 Every solver solves the same linear systems: the stacked rows of samples, smoothing, ridge and gauge. The table
 gives the condition number of the normal matrix, computed from the singular values of the stacked rows. The
 reference solution is the minimum-norm solution from these singular values, refined in extended precision. A system
-is well posed up to a condition number of
-{WELL_POSED:.0e}. There, every answer should agree with the reference to {AGREES:.0e}, and all do to {furthest:.1e}.
-Beyond, an answer counts as the minimum-norm solution within {AGREES_ILL:.0e}, and any other should have the status
-`fallback` or `budget`. {silence}
+is well posed up to a condition number of {WELL_POSED:.0e}. For such a system, every solver should agree with the
+reference to {AGREES:.0e}. All agree to {furthest:.1e}. For worse conditioned systems, we count a solution as the
+minimum-norm solution if it agrees to {AGREES_ILL:.0e}. Any other solution should have the status `fallback` or
+`budget`. {silence}
 
-The ridge term keeps the condition number near 1e10, even if no sample determines a texel. In smoothed systems, the
-gauge rows lower the condition number by four to five powers of ten. A solver can then fail only if the sample
-weights span a larger range than the ridge allows. In that case the iterative solvers reach their iteration limit,
-and the fit reports it.
+The ridge term keeps the condition number near 1e10, even if no sample determines a texel; only far too much smoothing
+raises it further. In smoothed systems, the gauge rows lower the condition number by four to five powers of ten. A
+solver can then fail only if the sample weights span a larger range than the ridge allows. In that case the iterative
+solvers reach their iteration limit, and the fit reports it.
 
 | system | what it is | texels | condition | {" | ".join(solvers)} |
 |{" --- |" * (len(solvers) + 4)}

@@ -128,8 +128,9 @@ STRESSORS = (
         " in the highlight, the fit has none. Fixed projections of absolute directions suffer most, because their"
         " textures need samples at all azimuths. Projections that use only angles spread the same samples over fewer"
         " texels.",
-        "Use smaller textures (`size`), fewer textures, fixed projections, or more samples. Believe the held-out error"
-        " only if at least a few dozen samples are held out.",
+        "Use smaller textures (`size`), fewer textures, projections that use only angles (as `search` does for"
+        " isotropic data), or more samples. Believe the held-out error only if at least a few dozen samples are held"
+        " out.",
         "samples", (1500, 600, 205, 60, 20), faulted(FAULTS["few"]),
     ),
     Stressor(
@@ -146,8 +147,8 @@ STRESSORS = (
         "The samples near the mirror direction are missing: no half vector is near the normal.",
         "Nothing in the data shows how bright the highlight is. Smoothing extends the flank of the highlight"
         " linearly towards the mirror direction, so the height of the peak is arbitrary. The held-out error cannot"
-        " show this, because the"
-        " held-out samples lack the highlight as well. Only the share of texels without samples reveals it.",
+        " show this, because the held-out samples lack the highlight as well. Only the share of texels without"
+        " samples reveals it.",
         "Measure near the mirror direction. Otherwise use the fit for the diffuse part only.",
         "degrees", (2, 10, 25, 45), faulted(FAULTS["no-highlight"]),
     ),
@@ -169,7 +170,8 @@ STRESSORS = (
         " spreads them into the neighbouring texels. Away from the horizon, the log transform limits the damage: the"
         " clean test samples end at 87°, and their error hardly changes. The damage is at the horizon and in the"
         " energy. The albedo and the held-out error in the verdict show it.",
-        "Leave out samples beyond about 85°, or give them small weights. Also lower `epsilon`.",
+        "Leave out samples beyond about 85°, or give them small weights. If you keep them, lower `epsilon`, because"
+        " they raise εA. Do not lower it if the data contain zeros ([the choice of ε](#the-choice-of-ε)).",
         "degrees", (80, 85, 89, 89.9, 89.999), grazing,
     ),
     Stressor(
@@ -177,8 +179,7 @@ STRESSORS = (
         "All half vectors move towards the normal, where φh is undefined.",
         "At h = n, the half/difference frame has no azimuth. The stabilised frame (Cole's thesis, eq. 1.4) uses the"
         " tangent as its axis there, so the coordinates stay continuous. However, all samples fall into one texel of"
-        " a texture"
-        " over h, and its other texels have no data.",
+        " a texture over h, and its other texels have no data.",
         "No action is needed if you use the fit only near the measured half vectors. Elsewhere, smoothing alone"
         " determines the texels.",
         "degrees", (30, 3, 0.1, 1e-4, 0), _half_vector_at_normal,
@@ -197,8 +198,7 @@ STRESSORS = (
         "All light comes from a narrow sector of azimuth, and the samples are not copied to other azimuths.",
         "A texture indexed by absolute directions (ωi, h) has samples only in that sector, and smoothing fills the"
         " rest. The fit is accurate at the measured azimuths and meaningless when the object rotates. Coordinates"
-        " that do not"
-        " depend on azimuth are unaffected.",
+        " that do not depend on azimuth are unaffected.",
         "Copy the samples to other azimuths, or use a method whose textures do not depend on azimuth (`search`). Every"
         " command makes such copies of isotropic measurements (`copies=8`). In Python, call"
         " `Samples.azimuth_copies`.",
@@ -217,11 +217,10 @@ STRESSORS = (
         "dynamic-range", "dynamic range (near mirrors)",
         "The highlight becomes brighter and narrower, up to 1e7 times the diffuse part.",
         "A mirror-like lobe is narrower than one texel in θh, so the texture cannot represent it, however many"
-        " samples there are."
-        " Bilinear interpolation in log space widens the lobe: if one texel spans 10°, the peak falls off"
-        " exponentially over 10°, and its flanks are orders of magnitude too bright.",
+        " samples there are. Bilinear interpolation in log space widens the lobe: if one texel spans 10°, the peak"
+        " falls off exponentially over 10°, and its flanks are orders of magnitude too bright.",
         "Stretch θh near the highlight (`search` tries this), use larger textures, or subtract the mirror component"
         " from the data and render it separately.",
-        "brightest over ground", (10, 100, 1e4, 1e6, 1e7), _dynamic_range,
+        "peak over diffuse value", (10, 100, 1e4, 1e6, 1e7), _dynamic_range,
     ),
 )  # fmt: skip

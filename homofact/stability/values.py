@@ -73,12 +73,13 @@ STRESSORS = (
         "A share of the samples is exactly zero.",
         "The log transform of zero is log ε, far below all other values, and least squares counts the square of this"
         " distance. A few zeros therefore darken whole neighbourhoods.",
-        "Remove zeros that mean missing data, use `robust=True`, or set ε to the order of the noise (1e-2).",
+        "Remove zeros that mean missing data, use `robust=True` if at most a tenth of the samples is zero ([Repair bad"
+        " measurements](robustness.md#results)), or set ε to the noise divided by A (1e-2).",
         "share", (0.001, 0.01, 0.1, 0.5, 0.9), faulted(FAULTS["zeros"]),
     ),
     Stressor(
         "epsilon", "the choice of ε",
-        "ε of the log transform falls from 0.1 to 1e-8, and 2% of the samples are exactly zero.",
+        "The ε of the log transform falls from 0.1 to 1e-8. In all steps, 2% of the samples are exactly zero.",
         "ε decides how far below the mean a zero lies. At 1e-8, every zero is 18 below the mean in natural"
         " logarithms, and it darkens its neighbours by orders of magnitude. At 0.1, the dark values of the material"
         " are below εA, so their log transform is nearly constant.",
@@ -98,15 +99,14 @@ STRESSORS = (
         "additive-noise", "additive noise",
         "Gaussian noise is added to every value; its σ is a multiple of the mean. Values below zero are set to zero.",
         "Noise destroys dark samples first. In log space their noise is large and skewed, and a smaller ε makes it"
-        " worse."
-        " Cutting at zero also creates many exact zeros.",
+        " worse. Cutting at zero also creates many exact zeros.",
         "Set ε to the noise floor (σ divided by the mean), so that smaller values have no influence. `--epsilon"
         " floor` does this.",
         "σ over the mean", (0.001, 0.01, 0.1, 0.5, 2), faulted(FAULTS["additive-noise"]),
     ),
     Stressor(
         "outliers", "outliers",
-        "A share of the samples is a thousand times too bright, as by stray light or a saturated sensor.",
+        "A share of the samples is a thousand times too bright, for example because of stray light.",
         "Least squares does not limit the influence of one sample, and a factor of 1000 is an error of 7 in natural"
         " logarithms. Outliers also raise the mean A, and with it εA. Values below εA then have no influence on the"
         " fit.",
@@ -120,9 +120,8 @@ STRESSORS = (
         "A whole region of the channel is then zero. At the edge of this region, the logarithm drops steeply. A"
         " texture cannot represent such an edge, so the fit is wrong beside it as well.",
         "Use a wider colour space or `channels='spectral'`. An ε of at least 1e-2 keeps the drop at the edge small."
-        " `homofact info`"
-        " counts the cut values.",
-        "(R − G) taken off G", (0.1, 0.5, 0.8, 1.2, 3), _out_of_gamut,
+        " `homofact info` counts the cut values.",
+        "multiple of (R − G) subtracted from G", (0.1, 0.5, 0.8, 1.2, 3), _out_of_gamut,
     ),
     Stressor(
         "negative", "negative values, not cut",
@@ -154,8 +153,8 @@ STRESSORS = (
     Stressor(
         "dark-channel", "a channel goes dark",
         "One channel is multiplied by smaller and smaller factors, finally by zero.",
-        "Relative to its own mean, a small channel is as good as any, down to the smallest floating-point numbers. At"
-        " zero it has no mean to divide by.",
+        "The log transform divides each channel by its own mean, so a dark channel fits as well as any other. Only"
+        " `nmf` fails at a factor of 1e-300. A channel of zeros has no mean to divide by.",
         "homofact refuses a channel that is zero everywhere and names it. Leave it out with the `channels` setting.",
         "factor", (1e-8, 1e-100, 1e-300, 0), _scaled(lambda s: (1.0, s)),
     ),
@@ -173,8 +172,8 @@ STRESSORS = (
         "The values f are multiplied by exp(s (cosθi − cosθo)), which makes them non-reciprocal.",
         "A reciprocal fit also reads every texture at the swapped pair (ωo, ωi), so it can only return the geometric"
         " mean of f(ωi, ωo) and f(ωo, ωi). The remaining error cannot be lowered by any texture.",
-        "First check whether the material itself is non-reciprocal, and not only its measurement. If it is, use"
-        " `reciprocal=False`.",
+        "First look for a fault of the measurement ([Check units and conventions](suspicion.md)). If you find"
+        " none, use `reciprocal=False`.",
         "s", (0.03, 0.3, 1, 3), _non_reciprocal,
     ),
     Stressor(
@@ -184,7 +183,7 @@ STRESSORS = (
         " retroreflective lobe is therefore a ridge at θd = 0 for all θh. It is thin in θd, and a texture over h"
         " alone cannot represent it.",
         "Use a texture over θd (`search` finds one), more texels, or one more texture.",
-        "brightness over the ground", (0.1, 1, 10, 100), retroreflection,
+        "lobe over diffuse value", (0.1, 1, 10, 100), retroreflection,
     ),
     Stressor(
         "tilted-frame", "a tilted normal",

@@ -97,7 +97,7 @@ def table(rings: Rings, channels: tuple[str, ...]) -> tuple[str, float]:
                     f"{float(single.min()):.3f} to {float(single.max()):.3f}", "clean" if clean else "noise",
                 )
             )  # fmt: skip
-    heads = ("albedo of the bins", "negative part", "fit over bins", "single rings", "")
+    heads = ("albedo of the bins", "negative part", "fit over bins", "single rings", "data")
     return markdown(("θi", "channel", *heads), rows, 2), worst
 
 

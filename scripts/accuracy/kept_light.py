@@ -37,8 +37,7 @@ INTRODUCTION = """\
 This page shows how accurately default fits reproduce total reflected light, albedo and highlight. The materials are
 four measured paints of the RGL database and neural surrogates of MERL materials (networks of Sztrajman et al.
 2021). homofact does not use MERL's own measurements here. For your own material, `homofact factorize` reports the
-same errors
-([results](results.md)).
+same errors ([results](results.md)).
 
 Each section has two tables. The first summarizes the errors of all materials: the median, p90 (nine of ten fits are
 at least this good) and the worst fit. The second has one fit per row. Its ratios are fit over source, so 1 is
@@ -46,23 +45,24 @@ right:
 
 - **energy**: total reflected light, over all angles of incidence.
 - **albedo**: directional albedo at five incidence angles from 5 to 75°. "Worst channel" is the ratio farthest from
-1 among all angles and channels. "Mean" is the ratio farthest from 1 among the angles, for the mean of the
-channels.
-- **highlight**: flux in the directions that carry the brightest 1% of the source's flux. **bright half**: flux in
-the directions that carry the brighter half of it.
+  1 among all angles and channels. "Mean" is the ratio farthest from 1 among the angles, for the mean of the
+  channels.
+- **highlight**: flux in the source's brightest directions. For each incidence, these are the directions with the
+  largest f that together carry 1% of the source's flux. **bright half**: the same for 50% of the flux.
 
 The other columns:
 
 - **RMS**: relative root mean square error, √(∫∫(f̂ − f)² cosθi cosθo / ∫∫ f² cosθi cosθo), where f̂ is the fit and
-f the source. **floor**: the smallest RMS that
-  a reciprocal fit can have.
+  f the source. **floor**: the smallest RMS that a reciprocal fit can have. The floors of [Straighten a
+  measurement](straightening.md) are of f cosθi cosθo, which gives grazing angles less weight, so they are smaller.
 - **sky dB**: PSNR of a sphere under a sky.
 - **Cole error** ([glossary](glossary.md)): measured at pairs of directions that were not fitted. These pairs are
-uniform in the parabolic discs of both directions.
-- **search**: "reciprocal" if the fit is reciprocal, "free" if the search dropped reciprocity. **s**: time of the
-fit in seconds."""
+  uniform in the parabolic discs of both directions.
+- **search**: "reciprocal" if the fit is reciprocal, "free" if the search dropped reciprocity. **textures**: how
+  many textures the fit has. The search uses fewer than allowed if another one does not lower the validation error.
+  **s**: time of the fit in seconds."""
 LIMITATIONS = """\
-Fits ran on one thread while other work ran, so their seconds are longer than on an idle machine."""
+Each fit ran on one thread while other programs ran, so the times are longer than on an idle machine."""
 
 
 @dataclass(frozen=True)
@@ -174,8 +174,8 @@ def main(arguments: list[str] | None = None) -> int:
     parts = [
         "# Energy, albedo and highlight of default fits",
         INTRODUCTION,
-        f"Made by `{made}` with {kind}, effort {effort}, {count} pairs, seed 0, and ε of the source. {LIMITATIONS}"
-        f" {machine()}",
+        f"`{made}` makes these tables. It uses {kind}: effort {effort}, {count} pairs, seed 0, and the default ε of"
+        f" each source. {LIMITATIONS} Machine: {machine()}",
     ]
     found = list(sources(data_folder(options.data), step))
     if options.short:

@@ -97,16 +97,9 @@ def main(arguments: list[str] | None = None) -> int:
                 summary.append((group, f"{textures} × {size}²", way, *(f"{value:.2f}" for value in figures)))
     header = ("material", "textures", *(f"{way} {key}" for way in ways for key in ("error", "rms", "s")))
     short = (
-        "materials",
-        "textures",
-        "way",
-        "error, median",
-        "worst",
-        "rms, median",
-        "worst",
-        "CPU, median",
-        "CPU s, median",
-    )
+        "materials", "textures", "search", "error, median", "error, worst", "rms, median", "rms, worst",
+        "CPU ratio, median", "CPU seconds, median",
+    )  # fmt: skip
     head = f"Ratios to the search of all mixes. {machine()}"
     return finish([head, markdown(short, summary, 3), markdown(header, rows, 2)], options)
 

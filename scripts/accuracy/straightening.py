@@ -31,10 +31,10 @@ light and viewer, it is shifted towards the other side. The cause is a sample th
 reciprocal fit blurs such a highlight. A fit without reciprocity makes one side of it bright and the other dark.
 
 `homofact info FILE` prints the tilt of a measurement. If a file contains a complete table, as RGL's files do, every
-command straightens it while reading:
+command straightens it while reading, but only if the evidence for a tilt is clear ([conditions](#how-it-works)):
 
     homofact info irid_flake_paint1_rgb.bsdf
-    homofact factorize irid_flake_paint1_rgb.bsdf                    # straightened where the odds are clear
+    homofact factorize irid_flake_paint1_rgb.bsdf                    # straightened if the evidence is clear
     homofact factorize irid_flake_paint1_rgb.bsdf --calibrate none   # the measurement as it is
     homofact convert irid_flake_paint1_rgb.bsdf straight.bsdf        # the straightened measurement
 
@@ -42,7 +42,7 @@ homofact corrects a list of samples (CSV, ASTM and others) only with `--calibrat
 find a tilt in a list, they print it with the option that undoes it:
 
     homofact info paint.csv                            # the sample was tilted by +0.198° in the plane of incidence ...
-    homofact factorize paint.csv --calibrate tilt      # straightened where the odds are clear
+    homofact factorize paint.csv --calibrate tilt      # straightened if the evidence is clear
     homofact convert paint.csv straight.csv --calibrate tilt
 
 In Python, `homofact.read(path, calibrate=["none"])` keeps the tilt. `calibrate=["tilt"]` undoes the tilt of a list
@@ -53,38 +53,54 @@ too. It fails for an anisotropic measurement and for a model, where homofact can
 
 homofact turns both directions of each pair by one angle δ in the plane of incidence and looks for the δ that makes
 the measurement most reciprocal. This search needs no fit. The derivation is in `homofact/brdf/tilt.py`, the search
-and its
-interval in `homofact/brdf/quality/tilt.py`. In a list few pairs were also measured with light and viewer swapped. There
-homofact looks for the δ at which each value is best predicted from all the others, on the one smooth surface over half
-and difference angles that a reciprocal material has (`homofact/brdf/quality/tilt_of_samples.py`).
+and its interval in `homofact/brdf/quality/tilt.py`. In a list of samples, only few pairs were also measured with
+light and viewer swapped. For a list, homofact therefore looks for the δ at which it can best predict each value
+from all other values. This works because the values of a reciprocal material are one smooth function of the half
+and difference angles (`homofact/brdf/quality/tilt_of_samples.py`).
 
-- **Reciprocity shows one angle.** A lean of the sample and errors of the two arms act through their sum alone, so the
-  table gives one δ. A lean across the plane of incidence shows where a file tells the two sides of that plane apart;
-  RGL's isotropic files are exactly symmetric there.
-- **The interval** (95%) comes from a bootstrap over angles θd, not over pairs: an angle that one incidence wants and
-  the next does not has a wide interval.
-- **The table's own error.** Between eight slices of incidence even a perfect material is interpolated unevenly.
-  homofact puts the straightened, reciprocal material into the same nodes, repeats the search there, and subtracts
-  what it finds.
-- **A tilt is undone only if** its interval excludes 0, it is at least 0.005°, pairs near the plane of incidence want at
-  least half of it on their own (an anisotropic sample that was measured as isotropic does not), it lowers the lack of
-  reciprocity by a tenth and by more than the table's own error, and it explains that lack better than a gain over the
-  angle with one number, such as a forgotten cosine. In a list the error of the predictions has to fall by a tenth.
+- **Reciprocity shows one angle.** A tilt of the sample and angular errors of the two arms act only through their
+  sum. homofact therefore finds one δ per table. A tilt across the plane of incidence is visible only in files that
+  distinguish the two sides of this plane. RGL's isotropic files do not: they are exactly symmetric about the plane.
+- **The interval** (95%) comes from a bootstrap over the angles θd. If different θd suggest different tilts, the
+  interval is wide.
+- **The table's own error.** RGL's tables have eight angles of incidence. Interpolation between them is uneven, so
+  even a perfect material can seem tilted. homofact therefore stores the straightened, reciprocal material in a
+  table with the same angles and repeats the search on it. It subtracts the tilt that it finds there.
+- **A tilt is undone only if** all of these are true:
+    - the interval of the tilt excludes 0, and the tilt is at least 0.005°;
+    - a search with only the pairs near the plane of incidence finds at least half of the tilt (this fails for an
+      anisotropic sample that was measured as isotropic);
+    - undoing it lowers the lack of reciprocity (the misfit in the table below) by at least a tenth, and by more than
+      the table's own error (in a list, it must lower the error of the predictions by at least a tenth);
+    - it explains the lack of reciprocity better than an error of gain would: a factor that depends on the angle, such
+      as a forgotten cosine.
 
-## Measured
+## How much straightening gains
+"""
+
+FOUND = """\
+Seven of the ten files are straightened. The floor of each of them falls, for the two iridescent paints to about a
+quarter (from 0.092 and 0.097 to 0.024). These seven files have 14 fits, two sizes each:
+
+- The error of the fit, compared with the straightened measurement, is lower in 11 of the 14 fits if the fit was
+  made from the straightened measurement. It is higher for cc_green_malachite and cc_iris_purple_gem with 3 × 32²,
+  and for irid_flake_paint1 with 2 × 16².
+- The PSNR under the lamp rises in 9 fits, by up to 1.7 dB, and stays the same in 2. It falls by 0.2 to 1.1 dB in 3:
+  both fits of vch_golden_yellow, and cc_iris_purple_gem with 2 × 16².
 """
 
 LIMITS = """## Limits
 
-- homofact looks for a tilt of isotropic samples only. One that turns with an anisotropic sample leaves reciprocity
-  whole and does not show. In a list it looks for the tilt in the plane of incidence alone.
-- The more coarsely a list samples the highlights, the larger a tilt must be before homofact can find it. See
-  [Tilts in lists of samples](measured.md#tilts-in-lists-of-samples).
+- homofact looks for a tilt of isotropic materials only. An anisotropic sample is rotated during the measurement. A
+  tilt that rotates with the sample does not change reciprocity, so it is not visible. In a list of samples,
+  homofact looks only for the tilt in the plane of incidence.
+- The more coarsely a list samples the highlights, the larger a tilt must be before homofact can find it. See [Tilts
+  in lists of samples](measured.md#tilts-in-lists-of-samples).
 - In lobes wider than about 6°, a tilt looks like a gain that depends on the angle. The interval of the tilt then
-grows to tenths of a degree.
+  grows to tenths of a degree.
 - homofact uses one tilt angle for all angles of incidence.
 - After straightening, light directions closer to the normal than δ have no measured values. For these pairs,
-homofact uses the values of the nearest slice (measured angle of incidence) at the same half vector.
+  homofact uses the values of the nearest slice (measured angle of incidence) at the same half vector.
 """
 
 
@@ -139,7 +155,10 @@ def tables(rows: dict[str, dict[str, Any]]) -> list[str]:
             fits.append((name, shape, *(f"{value:.3f}" for value in errors), *light, words))
     return [
         markdown(
-            ("file", "δ, °", "95% interval", "undone", "misfit", "undone", "the table's own", "floor", "straightened"),
+            (
+                "file", "δ, °", "95% interval", "undone", "misfit", "misfit, undone", "the table's own", "floor",
+                "straightened",
+            ),
             tilts,
         ),
         'δ is the tilt in the plane of incidence. "Misfit" is the lack of reciprocity along the lobe, for θi and θo '
@@ -182,10 +201,13 @@ def main(arguments: list[str] | None = None) -> int:
         progress(path.stem)
     rows = {path.stem.removesuffix("_rgb"): finished[path.stem] for path in files}
     conditions = (
-        f"{len(rows)} RGL files, 45,000 pairs by lobe, 20% held out, seed 0, default search; {machine()}. `python"
+        f"The tables show {len(rows)} RGL files with 45,000 pairs of directions each (`--scheme lobe`). The fits use"
+        f" the default search, with 20% held out and seed 0. Machine: {machine()}. `python"
         " scripts/accuracy/straightening.py` makes the tables."
     )
-    return finish([HEAD.rstrip(), conditions, *tables(rows), LIMITS.rstrip()], chosen)
+    return finish(
+        [HEAD.rstrip(), *([] if chosen.short else [FOUND.rstrip()]), conditions, *tables(rows), LIMITS.rstrip()], chosen
+    )
 
 
 if __name__ == "__main__":

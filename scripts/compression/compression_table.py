@@ -38,65 +38,69 @@ STARTS = (0, 5, 2, 7, 4, 9, 1, 6, 3, 8)
 INTRODUCTION = """\
 Read this page to choose between homofact and other compact representations of a measured BRDF. It compares them on
 the 100 MERL materials, in error, bytes and speed. The published representations are NBRDF (a neural network), NPF
-(non-parametric factors), Neural Processes (nps), ABC (a microfacet model) and SGD (shifted gamma distribution);
-see the [references](references.bib). homofact itself fits the other two: GGX lobes and McCool's projections. The
-rows "ours" are homofact's search at three byte budgets. All other settings are the defaults. For
-measurements instead of published fits, read [Real measurements](real.md). To compare methods on your own file, run
+(non-parametric factors), Neural Processes (nps), ABC (a microfacet model) and SGD (shifted gamma distribution); see
+the [references](references.bib). homofact itself fits the other two: GGX lobes and McCool's projections. The rows
+"ours" are homofact's search at three byte budgets. All other settings are the defaults of the version that made
+these tables. That version tried every mix of projections; the [known mixes](known_mixes.md) of the default effort
+came later. For measurements instead of published fits, read [Real measurements](real.md). To compare methods on
+your own file, run
 
     homofact compare SOURCE --methods mccool,search,ggx,npf --plot out/methods.png
 
 homofact may not redistribute the MERL measurements. Three published fits of them (nbrdf, npf, nps) serve as
-proxies. Each method is fitted to one proxy, and its error is measured against the same proxy or another one. Every
-figure therefore includes the error of the proxies, except in the [first
-table](#error-on-the-proxy-that-a-method-was-fitted-to).
+proxies. Each method that homofact fits is fitted to one proxy, and its error is measured against the same proxy or
+another one. An error against another proxy includes the error of both proxies. Only the [first
+table](#error-on-the-proxy-that-a-method-was-fitted-to), the section [What more bytes gain](#what-more-bytes-gain)
+and three columns of [Scatter over seeds](#scatter-over-seeds) measure against the fitted proxy.
 
 ![Error against bytes and speed](pictures/compression.png)"""
 READING = """\
 Each figure is a median over materials. The figure in brackets is the worse end: a tenth of the materials is worse.
-It is the 90th percentile of an error. For SSIM and PSNR, where larger is better, it is the corresponding low
-percentile.
+It is the 90th percentile of an error, and the 10th percentile of SSIM and PSNR, where larger is better.
 
 - **MALE** is the mean of |log(1 + f cosθi) − log(1 + f̂ cosθi)|, **Cole** the Cole error with ε = 1e-2, and
   **energy** the relative error of the total reflected light in the worst channel ([glossary](glossary.md)). All
   three use the same 20,000 pairs of directions, with θi and θo under 80°.
-- **MAE**, **RMSE**, **SSIM** and **PSNR** compare rendered spheres under three skies.
+- **MAE**, **RMSE**, **SSIM** and **PSNR** compare rendered spheres of 96² pixels in sRGB, with values from 0 to 1.
+  Each figure is the mean over three skies (studio, St Peter's, Grace).
 - **bytes** is the size per material. `nps` also needs a decoder of 4 MB, which all materials share. **fetches** is
-the number of texture lookups per evaluation."""
+  the number of texture lookups per evaluation."""
 OWN = """\
-This table measures the error of each method against the proxy that it was fitted to. Published tables do the same. On
-MERL itself, Sztrajman et al. (2021) report an MAE of .0028 and an SSIM of .995 for NBRDF, and an MAE of .0056 and
-an SSIM of .990 for NPF. Our targets at 3.2 KiB were an MAE of .0025, an SSIM of .996 and a PSNR of 47 dB. Our
-targets for PSNR were 50 dB at 12 KiB and 56 dB at 48 KiB."""
+This table measures the error of each method against the proxy that it was fitted to. Published tables do the same.
+On MERL itself, Sztrajman et al. (2021) report an MAE of .0028 and an SSIM of .995 for NBRDF, and an MAE of .0056
+and an SSIM of .990 for NPF. Our targets at 3.2 KiB were an MAE of .0025, an SSIM of .996 and a PSNR of 47 dB. Our
+targets for PSNR were 50 dB at 12 KiB and 56 dB at 48 KiB. The medians meet all of them."""
 ADDED = """\
-A fit can be nearer to the true BRDF than its proxy only by chance. This table shows how much error the fit adds to
-that of the proxy. The row "nbrdf itself" gives the error of nbrdf, measured against the two other proxies. The rows
-below it give the errors of fits to nbrdf, measured against the same two proxies. "Added by the fit" is the median
-difference between the error of the fit and the error of its proxy. "Fit better in" is the share of pairs of a
-material and another proxy in which the fit is nearer than its proxy. homofact adds almost no error at any budget.
-By MALE and PSNR, its fits of nbrdf and nps are in most cases even slightly nearer to the other proxies than nbrdf
-and nps themselves. For comparison, McCool's projections and GGX, fitted to the same proxies, add a clear error."""
+This table shows how much error a fit adds to that of its proxy. The row "nbrdf itself" gives the error of nbrdf,
+measured against the two other proxies. The rows below it give the errors of fits to nbrdf, measured against the
+same two proxies. "Added by the fit" is the median difference between the error of the fit and the error of its
+proxy. "Fit better in" is the share of pairs of a material and another proxy in which the fit is nearer than its
+proxy. homofact adds almost no error at any budget. By MALE and PSNR, its fits of nbrdf and nps are in most cases
+even slightly nearer to the other proxies than nbrdf and nps themselves. A fit has no information beyond its proxy,
+but it can miss an error that only its proxy has. For comparison, McCool's projections and GGX, fitted to the same
+proxies, add a clear error."""
 OTHERS = """\
 Each published fit is compared with the proxies other than itself. Each method that homofact fits to one proxy is
 compared with the two other proxies. In the rows "mean of two proxies", homofact fits the mean of two proxies and
 compares with the third. A homofact fit is about as far from the other proxies as its own proxy is. Each row "ours"
-pools the fits of all three proxies. Its error therefore lies between those of nbrdf, nps and npf, because the
-fits of npf inherit npf's error."""
+pools the fits of all three proxies. Its error therefore lies between those of nbrdf, nps and npf, because the fits
+of npf inherit npf's error."""
 AHEAD = """\
 Each row compares homofact (first figure) with another method (second figure). Both are measured against one proxy,
 named in the column "judged by". If the other method is itself a proxy, homofact was fitted to that proxy, so both
 have the same information. If the other method was fitted to MERL itself (abc, sgd) or fitted here, the row pools
-homofact's fits of the two proxies that do not judge. homofact uses the budget nearest to the other method's
-bytes, which is the smallest budget for all small methods. Measured against npf, even nbrdf and nps have a larger
-MALE than abc. homofact's fits in this row were made from these two proxies only, so their MALE is also larger."""
+homofact's fits of the two proxies that do not judge. homofact has 12 KiB against McCool 12 KiB, and 3.2 KiB against
+all other methods. Measured against npf, even nbrdf and nps have a larger MALE than abc. homofact's fits in this row
+were made from these two proxies only, so their MALE is also larger. Their PSNR is better than that of abc."""
 SPEED = """\
 `scripts/compression/compression_speed.py` evaluates every method on the same directions, in one run on one thread.
-Each method uses its best batch size. Other work ran on the machine at the same time. M/s is the median over
-materials of millions of evaluations per second. "By material" is the range over these materials. homofact's own
+Each method uses its best batch size. Other work ran on the machine at the same time. M/s is millions of evaluations
+per second, as a median over the materials (three by default). "By material" is the range over them. homofact's own
 compiler compiles all methods (column "compiler": ours) except nps, which runs in torch."""
 SEEDED = """\
 `scripts/compression/compression_seeds.py` draws the samples and runs the fit with seeds 0, 1 and 2. The table shows
-the mean over the seeds ± the sample standard deviation. All fits are made to nbrdf. "By others" means the error
-against the two other proxies."""
+the mean over the seeds ± the sample standard deviation. All fits are made to nbrdf. MALE, energy and PSNR are
+measured against nbrdf, too. "By others" means the mean error against the two other proxies."""
 ORDER = """\
 Sztrajman et al. (2021, table 1) rank the methods, from worst to best: GGX, SGD, ABC, NPF, NBRDF. The table shows
 means over materials. Each method is compared only with proxies that are neither itself nor the one that it was
@@ -105,25 +109,25 @@ SGD = """\
 ABC, NPF and NBRDF come out in the published order. SGD does not: it falls behind our GGX fits. The formula is not
 the reason. We compared it term by term (distribution, masking, the sum, the order of the 33 parameters per
 material) with the public implementation from which the parameters come, and it is the same. So the published
-parameters are the reason. SGD's distribution falls off like
-exp(−tan²θh/α). Metals and metallic paints have a narrow highlight with a long tail. SGD makes such a highlight too
-wide and too low, and its tail falls to zero where the tails of the proxies continue. GGX has a long tail.
-homofact fits GGX to the cube roots of the values, so the tail keeps a large weight in the fit. The published GGX
-was fitted differently. The table shows the mean of |log(f̂/f)| in four ranges of the half vector's angle θh,
-where f is nbrdf. Each figure is a median over materials. The figure in brackets is the share of pairs whose f̂
-differs from f by more than a factor of two."""
+parameters are the reason. SGD's distribution falls off like exp(−tan²θh/α). Metals and metallic paints have a
+narrow highlight with a long tail. SGD makes such a highlight too wide and too low, and its tail falls to zero where
+the tails of the proxies continue. GGX has a long tail. homofact fits GGX to the cube roots of the values, so the
+tail keeps a large weight in the fit. The published GGX was fitted differently. The table shows the mean of
+|log(f̂/f)| in four ranges of the half vector's angle θh, where f is nbrdf. Each figure is a median over materials.
+The figure in brackets is the share of pairs whose f̂ differs from f by more than a factor of two."""
 CROWDED = """\
 Measured against the fitted proxy, 48 KiB reduce the error hardly more than 12 KiB.
-`scripts/compression/compression_limits.py` repeats the fits and increases one setting at a time. More texels,
-more samples, more textures and more search effort all help little.
-The remaining error comes from the form of the fit. Each texture has two coordinates, and an isotropic BRDF depends
-on three. A product of such textures cannot represent every function of three coordinates. "Highlight" is the RMS
-difference of log f where θh < 10°. "Rest" is the same where θh is larger."""
+`scripts/compression/compression_limits.py` repeats the fits and increases one setting at a time. More texels, more
+samples, more textures and more search effort all help little. The remaining error comes from the form of the fit.
+Each texture has two coordinates, and an isotropic BRDF depends on three. A product of such textures cannot
+represent every function of three coordinates. "Highlight" is the RMS difference of log f where θh < 10°. "Rest" is
+the same where θh is larger."""
 LIMITATIONS = """\
 - All errors are measured against proxies, which have errors of their own. The MERL measurements were not used.
-- homofact fitted NPF and NBRDF to only a few materials. The column "materials" gives their number.
+- homofact fitted NPF to four materials and NBRDF to three, because these fits are slow. The script fits them only
+  on request (`--methods`).
 - Other work ran on the machine while the fits were timed. If two byte budgets share one search, its seconds are
-included in the time of both."""
+  included in the time of both."""
 
 
 def spread(every: Sequence[str]) -> list[str]:
@@ -198,7 +202,7 @@ def parts(found: Sequence[Entry], every: Sequence[str], cache: Path, short: bool
     for title, words, rows, made in (
         ("Evaluation speed", SPEED, read(cache), speeds),
         ("Scatter over seeds", SEEDED, rows_of(cache / SEEDS), seeds),
-        ("Gain of more bytes", CROWDED, rows_of(cache / LIMITS), limits),
+        ("What more bytes gain", CROWDED, rows_of(cache / LIMITS), limits),
     ):
         if rows:
             page += [f"## {title}", words, made(rows)]
@@ -208,7 +212,7 @@ def parts(found: Sequence[Entry], every: Sequence[str], cache: Path, short: bool
 
     return [
         *page,
-        "## The published order",
+        "## Check the published ranking of methods",
         ORDER,
         order(found),
         SGD,
@@ -216,8 +220,8 @@ def parts(found: Sequence[Entry], every: Sequence[str], cache: Path, short: bool
         "## Limits",
         LIMITATIONS,
         "## Materials and settings",
-        f"Every method is fitted to {DEFAULT_COUNT} pairs of a proxy (scheme `{DEFAULT_SCHEME}`) and judged on {PAIRS}"
-        f" other pairs, with seed 0. Machine: {machine()}.",
+        f"Every method is fitted to {DEFAULT_COUNT} pairs of directions, evaluated on a proxy (sampling scheme"
+        f" `{DEFAULT_SCHEME}`), and its error is measured at {PAIRS} other pairs. The seed is 0. Machine: {machine()}.",
         f"{count} of {len(every)} materials: {', '.join(m for m in every if m in done)}.",
     ]
 

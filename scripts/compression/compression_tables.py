@@ -107,7 +107,10 @@ def ahead(found: Sequence[Entry]) -> tuple[str, str]:
                 continue
             cells = []
             for name in CRITERIA:
-                for words, of in (("median", statistics.median), ("tenth", lambda x, name=name: worse_tenth(name, x))):
+                for words, of in (
+                    ("median", statistics.median),
+                    ("worse tenth", lambda x, name=name: worse_tenth(name, x)),
+                ):
                     a, b = (of([e.scores[name] for e in those]) for those in (ours, theirs))
                     first = a > b if name in MORE_IS_BETTER else a < b
                     close = abs(a - b) <= (LEVEL_DB if name == "PSNR" else LEVEL * abs(b))
@@ -119,13 +122,13 @@ def ahead(found: Sequence[Entry]) -> tuple[str, str]:
     heads = [f"{name}, {words}" for name in CRITERIA for words in ("median", "worse tenth")]
     text = markdown(("judged by", "against", "ours", "materials", *heads), rows, 2)
     named = [
-        f"{label} by {by}: " + ", ".join(which for a, b, which in behind if (a, b) == (label, by))
+        f"against {label}, judged by {by}: " + ", ".join(which for a, b, which in behind if (a, b) == (label, by))
         for label, by in dict.fromkeys((label, by) for label, by, _ in behind)
     ]
     summary = (
-        f"homofact is ahead in {count - len(behind) - level} of {count} figures, level in {level}"
-        f" (≈: within {LEVEL:.0%}, or {LEVEL_DB} dB of PSNR), and behind in {len(behind)} (bold)"
-        + (f": {'; '.join(named)}." if named else ".")
+        f"homofact is ahead in {count - len(behind) - level} of {count} figures, level in {level} and behind in"
+        f' {len(behind)}. "Level" (≈) means within {LEVEL:.0%}, or within {LEVEL_DB} dB of PSNR.'
+        + (f" homofact is behind (bold) in these figures: {'; '.join(named)}." if named else "")
     )
     return text, summary
 

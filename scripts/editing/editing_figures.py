@@ -72,8 +72,8 @@ def found(folder: Path, short: bool) -> Found:
         words = {
             "paint": "a built-in plastic",
             "fit": "the same plastic",
-            "bunny": "a torus knot",
-            "light": "our studio",
+            "bunny": "torus knot",
+            "light": "the built-in lighting studio",
         }
         return Found(plastic, plastic, torus_knot(), named_lighting("studio"), words)
     fit = homofact.fit(homofact.read(str(cornell)), homofact.McCool(size=32))
@@ -81,8 +81,8 @@ def found(folder: Path, short: bool) -> Found:
     words = {
         "paint": f"the RGL paint {rgl.stem.removesuffix('_rgb')}",
         "fit": f"a fit (McCool's projections) of the Cornell paint {cornell.stem}",
-        "bunny": "the Stanford bunny",
-        "light": "Grace Cathedral",
+        "bunny": "Stanford bunny",
+        "light": "the environment map of Grace Cathedral",
     }
     return Found(open_source(str(rgl)).reflectance, fit.factorization, whole(read_mesh(bunny)),
                  Lighting("grace", (light,), light.describe()), words)  # fmt: skip
@@ -159,8 +159,9 @@ def figure_4(have: Found, target: Path, pixels: int, few: bool) -> list[str]:
         rows.append(row)
     drawn(target, rows)
     return [
-        f"Area lights against point lights (figure 4): a ball of Cook and Torrance's model, sigma 0.03, in"
-        f" {have.words['light']}. Points ask the material at the triangles' centres."
+        "Area lights compared with point lights, as in figure 4 of Ben-Artzi et al. 2006. The ball has Cook and"
+        f" Torrance's model with sigma 0.03, under {have.words['light']}. The environment map is divided into"
+        " triangles. Point lights evaluate the material only at the centres of the triangles."
     ]
 
 
@@ -199,10 +200,10 @@ def figure_5(have: Found, target: Path, pixels: int, few: bool) -> list[str]:
     ]]  # fmt: skip
     drawn(target, rows)
     return [
-        f"Increments against non-linear approximation (figure 5): Cook-Torrance, a coloured rise drawn beside a"
-        f" narrow peak. After one frame of {TERMS} wavelets of the change the picture is off by"
-        f" {errors[0]:.2%}; with the {TERMS} largest wavelets of the curve itself by {errors[1]:.2%} (relative RMS"
-        " against all bands)."
+        "Incremental updates compared with non-linear approximation, as in figure 5. The edit draws a coloured rise"
+        f" beside the narrow peak of a Cook-Torrance curve. After one frame, which adds {TERMS} wavelets of the change"
+        f" of the curve, the error of the picture is {errors[0]:.2%}. With the {TERMS} largest wavelets of the curve"
+        f" itself, the error is {errors[1]:.2%}. Both are relative RMS errors against all bands."
     ]
 
 
@@ -250,9 +251,9 @@ def session_2(have: Found, target: Path, pixels: int, few: bool) -> list[str]:
     ]
     told(prepared, steps, target)
     return [
-        f"A session in the manner of figure 2: {have.words['bunny']} of {have.words['paint']} and a ball of"
-        f" {have.words['fit']}, in {have.words['light']}. All curves are drawn by hand, over materials that were"
-        " measured: grey as before the step, blue after it."
+        f"An editing session as in figure 2, under {have.words['light']}. The {have.words['bunny']} has"
+        f" {have.words['paint']}. The ball has {have.words['fit']}. All curves are drawn by hand and edit measured"
+        " materials. A grey curve is from before the step, a blue curve from after it."
     ]
 
 
@@ -285,8 +286,9 @@ def session_6(have: Found, target: Path, pixels: int, few: bool) -> list[str]:
     ]
     told(prepared, steps, target)
     return [
-        f"A session in the manner of figure 6: a knot of Ashikhmin and Shirley's model, a tray of Cook and Torrance's"
-        f" and a ball of {have.words['paint']} as HD, in {have.words['light']}: sliders, and at last a freehand curve."
+        f"An editing session as in figure 6, under {have.words['light']}. The knot has Ashikhmin and Shirley's model,"
+        f" the tray has Cook and Torrance's model, and the ball has {have.words['paint']} in the HD form"
+        " ([curves](editing.md#materials)). The steps move sliders; the last step draws a freehand curve."
     ]
 
 
@@ -302,7 +304,12 @@ def main(arguments: list[str]) -> str:
     given = parser.parse_args(arguments)
     page = given.out or Path("out/editing_gallery.md")
     have = found(data_folder(given.data), given.short)
-    lines = ["# Editing: a gallery", "", 
+    opening = (
+        "This page shows what an edit looks like and how accurate its pictures are. It repeats figures 4 and 5 of"
+        " Ben-Artzi, Overbeck and Ramamoorthi (2006), and shows two editing sessions like those of their figures 2"
+        " and 6. [Edit a scene](editing.md) explains how to make such edits."
+    )
+    lines = ["# Editing: a gallery", "", opening, "",
              "Made by `python scripts/editing/editing_figures.py --out docs/editing_gallery.md`.",
              f"{machine()}.", ""]  # fmt: skip
     for name, draw in FIGURES.items():

@@ -97,25 +97,28 @@ def main(arguments: list[str] | None = None) -> int:
         sheet(options.out.parent / picture, name, source, row, size)
         rows.append(told(name, row))
         progress(*rows[-1])
-        alone = "; a list of samples, without a picture of the source" if row.appearance is None else ""
+        listed = " Its source is a list of samples, so the sheet shows an interpolation of the samples instead."
         parts += [
             f"## {name}",
-            f"{kind[0].upper()}{kind[1:]}{alone}.",
+            f"{kind[0].upper()}{kind[1:]}.{listed if row.appearance is None else ''}",
             f"![{name}: source, fit, differences]({picture})",
         ]
     header = ("material", "energy", "worst albedo", "RMS", "floor", "sky dB", "Cole error")
     introduction = (
         "This page shows how well default fits reproduce paints, plastics and metals. Each sheet shows the source"
         " and its default fit with three textures of 32² texels (36 KiB). The lights are a point light, a round lamp"
-        " 10° wide, and a sky. The difference pictures are on the right. The colours of each one are scaled to its"
-        " own maximum. Angles without measurements are"
-        " hatched. The [table below](#errors) lists the errors."
+        " 10° wide, and a sky. The difference pictures are on the right, each with its colour scale below. Angles"
+        " without measurements are hatched. A surrogate is a network that Sztrajman et al. (2021) fitted to a MERL"
+        " material; it serves as the source because homofact may not ship the MERL measurement. The [table"
+        " below](#errors) lists the errors."
     )
     errors = (
         "`python scripts/pictures/gallery.py` makes these sheets and this table. [Light](light.md) explains energy,"
         " worst directional albedo, relative RMS, the floor (the smallest RMS of any reciprocal fit), and the PSNR"
-        " under the sky. The Cole error is measured on held-out samples (20% of all samples). For the two lists of"
-        " samples, the table has no errors that need a picture or an albedo of the source."
+        " under the sky. A fit can have an RMS below the floor if the search dropped reciprocity. RMS and floor are"
+        " errors of f. The floors on the page [Straighten a measurement](straightening.md) are errors of f cosθi cosθo,"
+        " so they differ. The Cole error is measured on held-out samples (20% of all samples). For a list of samples,"
+        " the table has only this error, because the others need a source that homofact can evaluate everywhere."
     )
     text = "\n\n".join(
         [
@@ -125,7 +128,7 @@ def main(arguments: list[str] | None = None) -> int:
             "## Errors",
             errors,
             markdown(header, rows),
-            f"Effort {options.effort}, {count:,} pairs, seed 0. {machine()}",
+            f"Settings: effort {options.effort}, {count:,} pairs of directions, seed 0. {machine()}",
             *(["a smoke test: the figures mean nothing"] if options.short else []),
         ]
     )

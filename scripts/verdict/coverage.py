@@ -27,6 +27,42 @@ from scripts.verdict.regression import wilson
 _DRAWS = 400
 HEAD = Path(__file__).with_name("verdict_head.md")
 _MANY = 1e9
+_COVERAGE = """\
+"Albedo" is the bar of total reflected light. The columns "albedo", "highlight" and "sky" give the share of fits
+whose true error is within the bar; they leave out bars that the verdict withdraws. "Widened" counts the fits whose
+albedo bar is that of fits to faulty samples. "Withdrawn" counts the fits whose albedo bar is wider than a factor of
+ten, so that the verdict prints "unknown". "Right data" are samples without a fault; some are few or slightly noisy.
+"Can be known" leaves out the faults that samples cannot show. "Searched" are fits by `search`; the other fits have
+fixed projections."""
+_ANGLES = """\
+"Bars" is the number of bars at this incidence angle, "covered" the share of bars that contain the true error, and
+"median bar" the median width:"""
+_WIDTHS = """\
+Each cell gives the median bar that the verdict prints. In brackets are the median bars that these fits would have
+if all samples were right or if all were faulty, and the median true error:"""
+_MISSED = """\
+"Bad without a warning" is the share of bad fits for which the verdict does not warn. "Good with a warning" is the
+share of good fits for which it warns:"""
+_FAULTS = """\
+Faults with their strength n: `sparse` (only every n-th sample), `precision` (directions and values rounded to n
+bits), `not-grazing` (no samples beyond n°), `highlight-shifted` (the detector is n° off), `azimuth` (the azimuth of
+the view is n° off), `spikes` (values in a patch times n), `cosine-of-light` (values times cosⁿ θi),
+`drift-with-angle` (the gain falls by the share n from the normal to θi = 90°), `stray-light` (n times the median,
+divided by cosθo, is added), `late-rows` (one channel of the last share n of the rows is a row late), `scaled`
+(values times n), `offset` (n times the mean is added) and `gamma` (values to the power 1/n). `sparse` and
+`precision` count as right data. Samples cannot show `scaled`, `offset` and `gamma`:"""
+_LAYOUTS = """\
+`discs` are random pairs of directions, uniform in the parabolic discs. `lobe` are random pairs around the
+highlight. `rings` are the rings of a goniometer:"""
+_METHODS = """\
+`mccool 2 × 20²` are McCool's projections with two textures of 20². `search 2 × 12²` is a search with two textures
+of 12²:"""
+_LISTED = """\
+Each row is a fit. "Samples" gives the fault, its strength and the layout. "Albedo off" is the true error of total
+reflected light. "Explained" is the share of the variance of the clean logarithms that the fit explains; it is
+negative if the fit is worse than a constant. "Score" is the estimated probability that the fit is bad. The verdict
+warns if it is above {threshold:.2f}. "Suspected" lists the suspicions of `homofact info`. A fit with a small
+"albedo off" is bad because of a picture, under the sky or the lamp:"""
 
 
 @dataclass(frozen=True)
@@ -85,26 +121,30 @@ def report(fits: Sequence[SimulatedFit], constants: Table) -> list[str]:
     by_fault = _groups(judged, lambda each: each.fit.record["fault"] or "clean")
     return [
         HEAD.read_text(encoding="utf-8").strip(),
-        "## The part that was reported on",
-        f"This part has {len(judged)} fits of {len({each.fit.record['number'] for each in judged})} cases;"
-        f" {sum(each.fit.searched for each in judged)} of them are searched. Of {len(known)} the quality can be known,"
-        f" and {len(good)} of these are good. The limits and the threshold come from {constants.made['fits']} other"
-        f" fits (hash {constants.made['hash']}).",
+        "## Results on unseen cases",
+        f"The unseen cases are {len({each.fit.record['number'] for each in judged})} simulated measurements with"
+        f" {len(judged)} fits; {sum(each.fit.searched for each in judged)} of the fits are made by a search. For"
+        f" {len(known)} fits, the samples determine whether the fit is good; {len(good)} of these are good. The error"
+        f" bars and the threshold come from {constants.made['fits']} other fits (hash {constants.made['hash']}).",
         "### Coverage of the stated bars",
+        _COVERAGE,
         _coverage_table(
             {
                 "all that can be known": known,
                 "right data": right,
-                "wrong data, can be known": [each for each in known if not each.fit.right],
+                "faulty data, can be known": [each for each in known if not each.fit.right],
                 "cannot be known": [each for each in judged if not each.fit.knowable],
                 "searched, can be known": [each for each in known if each.fit.searched],
             }
         ),
         "### Coverage of the bars of single angles",
+        _ANGLES,
         _angle_table({"right data": right, "all that can be known": known}),
-        "### Bounds on good fits",
+        "### Width of the bars of good fits",
+        _WIDTHS,
         _bounds_table({"right data": [each for each in right if each.fit.good], "all that can be known": good}),
-        "### Silent and alarms",
+        "### Missed bad fits and false warnings",
+        _MISSED,
         _alarm_table(
             {
                 "all": judged,
@@ -113,15 +153,19 @@ def report(fits: Sequence[SimulatedFit], constants: Table) -> list[str]:
                 "not searched, can be known": [each for each in known if not each.fit.searched],
             }
         ),
-        "### By kind of fault",
+        "### Coverage by kind of fault",
+        _FAULTS,
         _coverage_table(by_fault),
-        "### By layout",
+        "### Coverage by measurement layout",
+        _LAYOUTS,
         _coverage_table(_groups(known, lambda each: each.fit.record["layout"])),
-        "### By material",
+        "### Coverage by kind of material",
         _coverage_table(_groups(known, lambda each: kind_of_material(each.fit.record["material"]))),
-        "### By method",
+        "### Coverage by fitting method",
+        _METHODS,
         _coverage_table(_groups(known, lambda each: each.fit.record["settings"])),
         "### Bad fits without a warning",
+        _LISTED.format(threshold=constants.threshold),
         _listed([each for each in known if not each.fit.good and not each.warned]),
         "### Good fits with a warning",
         _listed([each for each in good if each.warned]),
@@ -179,9 +223,9 @@ def _bounds_table(groups: dict[str, Fits]) -> str:
                 _median([_error(each.bar(quantity, doubt)) for each in fits]) for doubt in (None, "", "any")
             )
             true = _median([each.true(quantity) for each in fits])
-            cells.append(f"{stated} ({if_right} for right data, {fault} for faulty data; true {true})")
+            cells.append(f"{stated} ({if_right} if right, {fault} if faulty; true {true})")
         lines.append(tuple(cells))
-    return markdown(("good fits", "number", *(f"{quantity}, median bound" for quantity in QUANTITIES)), lines)
+    return markdown(("good fits", "number", *(f"{quantity}, median bar" for quantity in QUANTITIES)), lines)
 
 
 def _alarm_table(groups: dict[str, Fits]) -> str:
@@ -191,7 +235,7 @@ def _alarm_table(groups: dict[str, Fits]) -> str:
         silent = [(each.fit.record["number"], not each.warned) for each in bad]
         alarms = [(each.fit.record["number"], each.warned) for each in good]
         lines.append((name, len(bad), _rate(silent), len(good), _rate(alarms)))
-    return markdown(("fits", "bad", "silent on bad", "good", "alarms on good"), lines)
+    return markdown(("fits", "bad", "bad without a warning", "good", "good with a warning"), lines)
 
 
 def _listed(fits: Fits) -> str:

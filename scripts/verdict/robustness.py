@@ -202,8 +202,13 @@ def main(arguments: list[str] | None = None) -> int:
                 progress(*rows[-1])
     header = ["what is wrong", "strength", "option", "method", "light", "explained", "good", "light with it",
               "explained with it", "good with it"]  # fmt: skip
-    said = f"{bad} of {seeds * len(rows)} fits are bad without the option, {turned} of them good with it;"
-    table = f"{said} of the good ones, bad with it: {spoiled}.\n\n{markdown(header, rows, 4)}\n\nMade on {machine()}.\n"
+    count = seeds * len(rows)
+    said = (
+        f"Without the option, {bad} of {count} fits are bad. With the option, {turned} of these {bad} are good."
+        f" {spoiled} of the {count - bad} fits that are good without the option {'is' if spoiled == 1 else 'are'}"
+        " bad with it."
+    )
+    table = f"{said}\n\n{markdown(header, rows, 4)}\n\nMeasured on {machine()}.\n"
     print(table)
     if options.out is not None:
         write(options.out, f"{HEAD.format(seeds=seeds)}\n{table}")
@@ -215,60 +220,62 @@ HEAD = """\
 # Repair bad measurements
 
 Read this page if `homofact info` or a verdict reports outliers, gains (unknown scale factors of parts of the data),
-clipped values or noise. Four options of `homofact factorize` repair such data in part. The [last
-section](#results) shows how well they work on simulated faults.
+clipped values or noise. Four options of `homofact factorize` repair such data in part. The [last section](#results)
+shows how well they work on simulated faults.
 
     homofact factorize samples.csv --robust --calibrate rings+rows --epsilon floor --out out/repaired
 
 ## Exclude outliers
 
 `--robust` (`homofact/brdf/quality/outliers.py`) excludes samples whose values are far from those of all their
-neighbours. It does so before homofact computes anything from the samples. It keeps highlights, because the samples
-of a highlight agree with each
-other. The entry `outliers` in the details of the fit gives the excluded share of the total sample weight.
+neighbours. It does so before homofact computes anything from the samples. It keeps highlights, because the samples of a
+highlight agree with each other. The entry `outliers` in the details of the fit gives the excluded share of the total
+sample weight.
 
-- If the sample nearest to the mirror direction is an outlier, it looks like a highlight and is kept. One such
-sample can spoil a search. Expect this if 5% or more of the samples are outliers.
+- If the sample nearest to the mirror direction is an outlier, it looks like a highlight and is kept. One such sample
+  can spoil a search. Expect this if 5% or more of the samples are outliers.
 - If many samples are zero, for example half of them, `--robust` does not treat them as outliers.
 
 ## Divide out gains
 
-`--calibrate rings` (`homofact/brdf/quality/gains.py`) estimates one gain for every ring of equal θi and of equal
-θo. It fits the gains and a smooth reciprocal BRDF at the same time, and then divides the samples by the gains.
-`--calibrate
+`--calibrate rings` (`homofact/brdf/quality/gains.py`) estimates one gain for every ring of equal θi and of equal θo. It
+fits the gains and a smooth reciprocal BRDF at the same time, and then divides the samples by the gains. `--calibrate
 rows` does the same for blocks of consecutive rows of the file. Use it if the lamp drifted.
 
-- Two parts of the gains cannot be determined: their mean logarithm, and a smooth gain that depends in the same way
-on θi and θo. Samples with such a gain are also valid samples of another material. If both the θi rings and the θo
-rings have random gains, this part remains, and the fit may not improve.
+- Two parts of the gains cannot be determined: their mean logarithm, and a smooth gain that depends in the same way on
+  θi and θo. Samples with such a gain are also valid samples of another material. If both the θi rings and the θo rings
+  have random gains, this part remains, and the fit may not improve.
 - homofact reports gains that could also come from the material itself, and does not divide them out. Clean samples
-therefore stay bit-identical.
-- If only a few rings are bad, homofact treats them one by one. For each ring that `homofact info` suspects, it
-divides out the step between this ring and its neighbours. It does this for at most four rings. The other rings
-stay bit-identical.
+  therefore stay bit-identical.
+- If only a few rings are bad, homofact treats them one by one. For each ring that `homofact info` suspects, it divides
+  out the step between this ring and its neighbours. It does this for at most four rings. The other rings stay
+  bit-identical.
 
 ## Treat clipped values as bounds
 
-Use `--clipped found` to detect the clipping level, or give the level in sr⁻¹ (`homofact/brdf/quality/clipping.py`).
-The fit then uses clipped values as lower bounds: they raise a fit that is below them, and never lower a fit that
-is above them. Where values are clipped, smoothing extrapolates the flank of the highlight. This is a guess. The
-search still takes the clipped values as exact when it chooses projections. When the search ignored the clipped
-values, it chose projections whose highlight was up to ten times too bright.
+Use `--clipped found` to detect the clipping level, or give the level in sr⁻¹ (`homofact/brdf/quality/clipping.py`). The
+fit then uses clipped values as lower bounds: they raise a fit that is below them, and never lower a fit that is above
+them. Where values are clipped, smoothing extrapolates the flank of the highlight. This is a guess. The search still
+takes the clipped values as exact when it chooses projections. When the search ignored the clipped values, it chose
+projections whose highlight was up to ten times too bright.
 
 ## Set ε from the noise
 
 `--epsilon floor` (`homofact/brdf/quality/noise_floor.py`) sets ε from the scatter of the darkest quarter of the
 samples. It compares repeated samples of the same pair of directions, samples with light and viewer swapped, and
-neighbouring samples. A constant offset of all values looks like Lambertian reflection, so homofact cannot detect
-it. If the noise is as large as the mean, setting negative values to zero has already made the dark samples too
-bright on average. No ε can repair that.
+neighbouring samples. A constant offset of all values looks like Lambertian reflection, so homofact cannot detect it. If
+the noise is as large as the mean, setting negative values to zero has already made the dark samples too bright on
+average. No ε can repair that.
 
 ## Results
 
-The cells of the [atlas](stability.md), fitted without and with the option, over {seeds} draws each. `light` is the
-total reflected light of the fit divided by that of the clean material, in the band of incidence angles where this
-ratio is farthest from 1. `explained` is the share of the clean logarithms that the fit explains. Both columns
-give the worst of the 3 draws. A fit is good if `light` is within 15% of 1 and `explained` is at least 90%.
+The table repeats cells of [Where fits fail](stability.md) without and with the option. A cell is one combination of a
+fault, its strength and a method. Each cell is fitted for {seeds} random draws. `light` is the total reflected light of
+the fit, divided by the light of the clean material, in the band of incidence angles where this ratio is farthest from
+1. `explained` is the share of the clean logarithms that the fit explains. Both columns give the worst of the {seeds}
+draws. A fit is good if `light` is within 15% of 1 and `explained` is at least 90%. "Share × 300" multiplies a random
+share of the samples by 300. "σ of the log gain" and "fall of the gain" give rings or rows different gains. "σ over the
+mean, added" adds Gaussian noise.
 """
 
 

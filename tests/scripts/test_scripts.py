@@ -117,7 +117,7 @@ def test_the_comparison_writes_what_it_measured(
     assert written in printed.out
     assert "seed 0" in written
     for grid, part in zip(("plain", "centred"), written.split("## Statements of the thesis")[1:], strict=True):
-        verdicts = table(part, "Cole 2002, 4.4")
+        verdicts = table(part, "statement (Cole 2002, 4.4)")
         ratio = min(error[PAINT, "cole2plain"]) / error[PAINT, f"mccool2{grid}"][0]
         assert verdicts[0]["training"] == f"cut by {1 - ratio:.0%}"
         plastic = min(error[PLASTIC, "cole2plain"]) / error[PLASTIC, f"mccool2{grid}"][0]

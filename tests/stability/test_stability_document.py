@@ -48,6 +48,6 @@ def test_how_it_was_measured_stands_at_the_end(text: str) -> None:
 
 
 def test_every_sweep_says_how_often_the_error_bars_hold(text: str) -> None:
-    told = re.findall(r"covers the true error in (\d+) of (\d+) fits(?:; (\d+) more state none)?", text)
+    told = re.findall(r"covers the true error in (\d+) of (\d+) fits(?:; (\d+) more fits state no error bar)?", text)
     # All, then the two sweeps: three bars with a true error, one held; a withdrawn one; one of nothing to hold against.
     assert told == [("1", "3", "2"), ("1", "2", "1"), ("0", "1", "1")]
