@@ -203,9 +203,7 @@ class OutputSettings(_Checked):
         metavar="FOLDER",
         panel=OUTPUT,
     )
-    force: bool = option(
-        False, "Replace an existing result, or repeat the fits of a chart (homofact compare --chart)", panel=OUTPUT
-    )
+    force: bool = option(False, "Replace an existing result, or repeat the fits of a chart", panel=OUTPUT)
 
 
 @dataclass(frozen=True)

@@ -176,6 +176,8 @@ def _albedo_error(clean: Samples, light: Tensor, values: Tensor, degrees: tuple[
     """The error of total reflected light as a share, in the worst band of incidence of the range; None for too few."""
     theta = torch.rad2deg(to_spherical(clean.wi)[0])
     inside = (theta >= degrees[0]) & (theta <= degrees[1])
+    if not bool(inside.any()):
+        return None
     band = worst_band(clean.select(inside), light[inside], values[inside], ("θi",))
     if band is None:
         return None

@@ -68,7 +68,7 @@ Read this page before you fit difficult data. It shows which properties of a mea
 fail, whether homofact warns, and what you can do. Find your problem in the table and follow its link to the cause
 and the remedy.
 
-`homofact research stability` repeats these tests. `--stressors` and `--methods` select some of them. The command
+`homofact research stability` repeats these tests. It can also run only some stressors or methods. The command
 writes one row per fit to `atlas.csv` and draws the pictures below.
 
 ## Which data damage which method

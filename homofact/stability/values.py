@@ -100,8 +100,8 @@ STRESSORS = (
         "Gaussian noise is added to every value; its σ is a multiple of the mean. Values below zero are set to zero.",
         "Noise destroys dark samples first. In log space their noise is large and skewed, and a smaller ε makes it"
         " worse. Cutting at zero also creates many exact zeros.",
-        "Set ε to the noise floor (σ divided by the mean), so that smaller values have no influence. `--epsilon"
-        " floor` does this.",
+        "Set ε to the noise floor (σ divided by the mean), so that smaller values have no influence. The setting"
+        " `epsilon=\"floor\"` does this.",
         "σ over the mean", (0.001, 0.01, 0.1, 0.5, 2), faulted(FAULTS["additive-noise"]),
     ),
     Stressor(
@@ -110,7 +110,7 @@ STRESSORS = (
         "Least squares does not limit the influence of one sample, and a factor of 1000 is an error of 7 in natural"
         " logarithms. Outliers also raise the mean A, and with it εA. Values below εA then have no influence on the"
         " fit.",
-        "Repair the measurement. Otherwise use `robust=True` (`--robust`), which excludes outliers ([Repair bad"
+        "Repair the measurement. Otherwise use `robust=True`, which excludes outliers ([Repair bad"
         " measurements](robustness.md)).",
         "share", (0.001, 0.01, 0.05, 0.2, 0.5), faulted(FAULTS["outliers"]),
     ),

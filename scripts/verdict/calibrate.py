@@ -1,8 +1,8 @@
 """Calibrate the error bars, and report how often they hold.
 
-    python scripts/verdict/calibrate.py [--cases 100] [--seed 0] --store FITS.jsonl
-    python scripts/verdict/calibrate.py --report 105 --store FITS.jsonl --out docs/verdict.md
-    python scripts/verdict/calibrate.py --report 105 --held-out 0 --store ALL.jsonl
+    python scripts/verdict/calibrate.py --cases 200 --store FITS.jsonl
+    python scripts/verdict/calibrate.py --report 210 --seed 2 --store REPORT.jsonl --out docs/verdict.md
+    python scripts/verdict/calibrate.py --report 105 --seed 2 --held-out 0 --store ALL.jsonl
 
 Cases are drawn (`drawn_cases.py`), fitted and measured (`simulating.py`) into a store, so that an interrupted run goes
 on where it stopped; of fits of its first two parts the table is made (`calibrating.py`) and written to

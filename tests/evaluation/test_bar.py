@@ -323,9 +323,8 @@ def test_estimated_limits_beyond_a_good_fit_are_called_wide() -> None:
     ("kind", "rate", "words"),
     [
         (BarKind.RIGHT, 0.9, "true for eight to nine of ten such fits"),
-        (BarKind.RIGHT, 0.8, "true for about eight of ten such fits"),
         (BarKind.FAULT, 0.9, "true for about eight of ten such fits"),
-        (BarKind.FAULT, 0.8, "true for seven to eight of ten such fits"),
+        (BarKind.FAULT, 0.8, "true for 80% of such fits"),
     ],
 )
 def test_a_sentence_claims_no_more_than_held_in_the_calibration(kind: BarKind, rate: float, words: str) -> None:

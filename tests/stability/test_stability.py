@@ -118,26 +118,36 @@ def test_a_fit_that_is_wrong_and_says_nothing_is_found() -> None:
     assert run_cell(EMPTY, stressed, references(), lying(math.nan)).outcome is CellOutcome.CRASHED
 
 
+def with_bar(factor: float, error: float | None, degrees: tuple[float, float] = (0.0, 75.0)) -> Cell:
+    """A cell whose fit is `factor` times too bright, with this error bar of total reflected light."""
+
+    def fit(source: Source, settings: Method) -> ComparisonRow:
+        row = lying(factor)(source, settings)
+        bar = replace(row.verdict.bars.of("albedo"), error=error, degrees=degrees)
+        return replace(row, verdict=replace(row.verdict, bars=ErrorBars((bar,))))
+
+    return run_cell(EMPTY, stressed, references(), fit)
+
+
+def test_a_fit_is_judged_if_no_clean_sample_is_at_the_angles_of_its_error_bar() -> None:
+    cell = with_bar(1.0, 0.1, (89.999, 90.0))
+    assert cell.outcome is CellOutcome.OK
+    assert cell.error is not None
+    assert cell.true is None
+
+
 @pytest.mark.slow
 def test_an_error_bar_is_held_against_the_clean_light() -> None:
-    def cell(factor: float, error: float | None, degrees: tuple[float, float] = (0.0, 75.0)) -> Cell:
-        def fit(source: Source, settings: Method) -> ComparisonRow:
-            row = lying(factor)(source, settings)
-            bar = replace(row.verdict.bars.of("albedo"), error=error, degrees=degrees)
-            return replace(row, verdict=replace(row.verdict, bars=ErrorBars((bar,))))
-
-        return run_cell(EMPTY, stressed, references(), fit)
-
-    bright = cell(20.0, 25.0)
+    bright = with_bar(20.0, 25.0)
     assert bright.true is not None
     assert 10 < bright.true < 25
     # Too dark by a factor is an error of that factor too; what chance may do is taken off.
-    dark = cell(0.05, 25.0)
+    dark = with_bar(0.05, 25.0)
     assert dark.true is not None
     assert dark.true > 2
-    assert (bright.held, cell(20.0, 5.0).held, cell(20.0, None).held) == (True, False, None)
+    assert (bright.held, with_bar(20.0, 5.0).held, with_bar(20.0, None).held) == (True, False, None)
     # Where no incidence is in the range there is nothing to hold it against.
-    assert cell(20.0, 5.0, (89.9, 90.0)).held is None
+    assert with_bar(20.0, 5.0, (89.9, 90.0)).held is None
 
 
 def test_a_warning_makes_a_wrong_fit_a_degraded_one() -> None:

@@ -2,8 +2,7 @@
 
 A bar states that the source reflects between `low` and `high` times the light of the fit. If the source can be
 evaluated everywhere, the bar is a measured error. For samples, the bar holds in nine of ten cases like those of the
-calibration (docs/verdict.md), in eight of ten if no sample was held out: fits of right samples or, where the verdict
-suspects a fault, of faulty ones.
+calibration (docs/verdict.md): fits of right samples or, where the verdict suspects a fault, of faulty ones.
 A bar wider than a factor of ten carries no information and is withdrawn.
 """
 
@@ -14,6 +13,7 @@ from enum import Enum
 from typing import Any
 
 from homofact.errors import BadInput
+from homofact.evaluation.bar.table import RATE
 from homofact.evaluation.wording import listed
 
 MOST = 9.0  # an error of nine times the value: a factor of ten
@@ -351,12 +351,10 @@ def _up(value: float, step: float) -> float:
 
 # As often as they held on cases that the calibration had not seen (docs/verdict.md).
 _OFTEN = {
-    (BarKind.RIGHT, 9.0): "eight to nine of ten",
-    (BarKind.RIGHT, 8.0): "about eight of ten",
-    (BarKind.FAULT, 9.0): "about eight of ten",
-    (BarKind.FAULT, 8.0): "seven to eight of ten",
+    BarKind.RIGHT: "eight to nine of ten",
+    BarKind.FAULT: "about eight of ten",
 }
 
 
 def _often(kind: BarKind, rate: float) -> str:
-    return _OFTEN.get((kind, round(10 * rate, 6)), f"{rate:.0%} of")
+    return _OFTEN[kind] if rate == RATE else f"{rate:.0%} of"

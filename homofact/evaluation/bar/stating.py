@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from homofact.evaluation.appearance import Appearance
 from homofact.evaluation.bar.error_bar import BarKind, ErrorBar, ErrorBars
 from homofact.evaluation.bar.features import angles_in_range, features_of
-from homofact.evaluation.bar.table import QUANTITIES, RATE, RATE_OF_SEEN, BarModel, Table
+from homofact.evaluation.bar.table import QUANTITIES, RATE, BarModel, Table
 from homofact.evaluation.energy import ALBEDO_DEGREES
 
 if TYPE_CHECKING:
@@ -39,15 +39,13 @@ def stated_bars(figures: "Figures", odds: Mapping[str, float], constants: Table,
     """Return the bars of a fit to samples: of right samples or, where there is a `doubt` in words, of faulty ones.
 
     `odds` are those of the suspicions. No angle has a wider bar than the worst one: both are estimated, by models of
-    their own, and a bound of the worst angle bounds each. The models are of fits that were tested on held-out samples;
-    where there are none, the bars hold less often.
+    their own, and a bound of the worst angle bounds each.
     """
-    rate = RATE if figures.errors.is_held_out else RATE_OF_SEEN
     kind = BarKind.FAULT if doubt else BarKind.RIGHT
     models = "fault" if doubt else "right"
     degrees = stated_range(figures)
     bounds = {name: _bound(constants.bars[models][name], features_of(figures, odds, name), name) for name in QUANTITIES}
-    bars = tuple(ErrorBar.stated(name, kind, bounds[name], rate, degrees, doubt) for name in QUANTITIES)
+    bars = tuple(ErrorBar.stated(name, kind, bounds[name], RATE, degrees, doubt) for name in QUANTITIES)
     inside = angles_in_range(figures.coverage.lowest, figures.coverage.highest)
     by_angle = []
     for k in inside:
@@ -55,7 +53,7 @@ def stated_bars(figures: "Figures", odds: Mapping[str, float], constants: Table,
         at = ALBEDO_DEGREES[k]
         unmeasured = 0.0 if figures.reading is None else figures.reading.unmeasured[k]
         least = min(bound, bounds["albedo"])
-        by_angle.append(ErrorBar.stated("albedo", kind, least, rate, (at, at), doubt, unmeasured))
+        by_angle.append(ErrorBar.stated("albedo", kind, least, RATE, (at, at), doubt, unmeasured))
     return ErrorBars(bars, tuple(by_angle))
 
 

@@ -15,8 +15,6 @@ from importlib import resources
 from typing import Any
 
 RATE = 0.9
-# Where no sample was held out: counted by `scripts/verdict/calibrate.py --report 105 --held-out 0`.
-RATE_OF_SEEN = 0.8
 LEAST_SPREAD = 0.25  # of logs: no model knows an error better
 QUANTITIES = ("albedo", "highlight", "sky")
 
