@@ -13,7 +13,8 @@ HEAD = """\
 
 Programs in the repository produce the numbers, tables and pictures of this documentation. Find the program here, and
 run it from a checkout to repeat the measurement. The last column of each table links to the pages that name the
-program. If it is empty, no page does, for example because the program only checks something:
+program. If the column is empty, no page names the program, for example because the program only checks something.
+To run a program:
 
     python scripts/accuracy/seeds.py --help
     python scripts/accuracy/seeds.py --short

@@ -80,7 +80,7 @@ to fatal. There are {len(atlas.plan.stressors)} stressors. {len(methods)} method
 Each cell shows the worst fit over all strengths of a stressor: its error, divided by the same method's error
 without the stressor or by {WORTH_AN_ERROR:g} if that is larger. \\*: the verdict warns, while that of the unstressed
 fit does not. **silent**: the error is over {WRONG:g} times as large, and the verdict does not warn.{warned_words}
-[How it is measured](#how-it-is-measured) defines the terms, such as degraded and unstressed. {_coverage(atlas.cells)}
+[How it is measured](#how-it-is-measured) defines the terms, such as degraded. {_coverage(atlas.cells)}
 
 | stressor | {" | ".join(methods)} |
 |{" --- |" * (len(methods) + 1)}
@@ -300,16 +300,18 @@ def _solvers(cells: list[SolverCell], link: str) -> str:
 
 ![The solvers]({link}/solvers.png)
 
-Every solver solves the same linear systems: the stacked rows of samples, smoothing, ridge and gauge. The table
-gives the condition number of the normal matrix, computed from the singular values of the stacked rows. The
-reference solution is the minimum-norm solution from these singular values, refined in extended precision. A system
+Every solver solves the same linear systems: the stacked rows of samples, smoothing, ridge and gauge. The column
+"condition" gives the condition number of the normal matrix, computed from the singular values of the stacked rows.
+The reference solution is the minimum-norm solution from these singular values, refined in extended precision. The
+columns of the solvers give the difference between each solution and the reference. A system
 is well posed up to a condition number of {WELL_POSED:.0e}. For such a system, every solver should agree with the
 reference to {AGREES:.0e}. All agree to {furthest:.1e}. For worse conditioned systems, we count a solution as the
 minimum-norm solution if it agrees to {AGREES_ILL:.0e}. Any other solution should have the status `fallback` or
 `budget`. {silence}
 
-The ridge term keeps the condition number near 1e10, even if no sample determines a texel; only far too much smoothing
-raises it further. In smoothed systems, the gauge rows lower the condition number by four to five powers of ten. A
+The ridge term limits the condition number to about 1e10, even if no sample determines a texel. Only far too much
+smoothing raises it further. In smoothed systems, the gauge rows lower the condition number by four to five powers
+of ten. A
 solver can then fail only if the sample weights span a larger range than the ridge allows. In that case the iterative
 solvers reach their iteration limit, and the fit reports it.
 

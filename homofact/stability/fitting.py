@@ -35,8 +35,9 @@ STRESSORS = (
     Stressor(
         "smoothing", "too little or too much smoothing",
         "The smoothing weight λ goes from 0 to 1e8.",
-        "At λ = 0, nothing determines the texels between the samples. From λ = 1 on, the Laplacian has as much"
-        " weight as the data. The fit then approaches the functions that cost nothing under the Laplacian, {1, u, v,"
+        "At λ = 0, nothing determines the texels between the samples. From λ = 1 on, the Laplacian has at least as"
+        " much weight as the data. The fit then approaches the functions that cost nothing under the Laplacian, {1,"
+        " u, v,"
         " uv}, so a highlight becomes a ramp. The solvers do not warn, but the training error shows the problem.",
         "Set λ to 1e-4 to 1e-2, or leave the option out: `search` then finds λ by cross-validation.",
         "λ", (1e-3, 0, 1, 1e3, 1e8), smoothing,

@@ -75,8 +75,8 @@ STRESSORS = (
     ),
     Stressor(
         "real-non-reciprocal", "measured materials that are not reciprocal",
-        "Four materials of the RGL database are fitted by reciprocal fits. Their errors are compared with those of"
-        " the same fits without reciprocity.",
+        "Each method fits four materials of the RGL database with reciprocity. The table divides the errors of these"
+        " fits by those of the same fits without reciprocity.",
         "Their measurements deviate from reciprocity by at least 7%. This is small compared with the error that"
         " small textures have anyway.",
         "Use `reciprocal=False` to reproduce the measurement. Keep reciprocity if a renderer needs it.",

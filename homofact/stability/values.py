@@ -188,8 +188,8 @@ STRESSORS = (
     Stressor(
         "tilted-frame", "a tilted normal",
         "All directions are given in a frame whose normal is tilted.",
-        "The highlight is then not centred on the normal (in the half vector), and the data are no longer isotropic."
-        " Textures over angles from the normal blur the highlight. Some samples near the horizon appear below it.",
+        "In half-vector coordinates, the highlight is then not centred on the normal. The data are no longer"
+        " isotropic. Textures over angles from the normal blur the highlight. Some samples near the horizon appear below it.",
         "Align the measurement so that the half vector of the brightest samples becomes the normal.",
         "degrees", (0.1, 1, 5, 20), faulted(FAULTS["tilted"]),
     ),

@@ -54,9 +54,11 @@ a texel at the centre of the highlight.
 """
 RESULT = """
 homofact's fits agree with 8 of the 12 statements in section 4.4 of the thesis, with both grids, on training and on
-held-out samples. Four statements differ. Three of them are about the Lafortune paint: the error falls by less than
-in the thesis, and half-diff has a smaller error than in-out. The fourth is about the Cornell paints: with two
-textures, the searched projections do not beat McCool's on all three paints.
+held-out samples. Four statements differ. Three of them are about the Lafortune paint. For this paint, the error
+falls by less than in the thesis (two statements), and half-diff coordinates have a smaller error than in-out
+coordinates (both are defined below). The fourth is about the Cornell paints. With two textures, McCool's
+projections have a smaller error than the searched projections on two of the three paints (training samples), or on
+all three (held-out samples).
 """
 READING = """
 The first two tables compare statements of the thesis with errors measured here. The tolerances and ratios in

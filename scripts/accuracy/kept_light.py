@@ -59,7 +59,8 @@ The other columns:
 - **Cole error** ([glossary](glossary.md)): measured at pairs of directions that were not fitted. These pairs are
   uniform in the parabolic discs of both directions.
 - **search**: "reciprocal" if the fit is reciprocal, "free" if the search dropped reciprocity. **textures**: how
-  many textures the fit has. The search uses fewer than allowed if another one does not lower the validation error.
+  many textures the fit has. A fit has fewer textures than allowed if one more texture would not lower the
+  validation error.
   **s**: time of the fit in seconds."""
 LIMITATIONS = """\
 Each fit ran on one thread while other programs ran, so the times are longer than on an idle machine."""

@@ -27,7 +27,7 @@ HEAD = """# Straighten a measurement
 
 Read this page if you fit a glossy material that was measured with a goniometer. In many real measurements, the
 highlight is some hundredths to tenths of a degree away from the mirror direction, towards one side. If you swap
-light and viewer, it is shifted towards the other side. The cause is a sample that was tilted by such an angle. A
+light and viewer, it is shifted towards the other side. The cause is a specimen that was tilted by such an angle. A
 reciprocal fit blurs such a highlight. A fit without reciprocity makes one side of it bright and the other dark.
 
 `homofact info FILE` prints the tilt of a measurement. If a file contains a complete table, as RGL's files do, every
@@ -58,8 +58,9 @@ light and viewer swapped. For a list, homofact therefore looks for the δ at whi
 from all other values. This works because the values of a reciprocal material are one smooth function of the half
 and difference angles (`homofact/brdf/quality/tilt_of_samples.py`).
 
-- **Reciprocity shows one angle.** A tilt of the sample and angular errors of the two arms act only through their
-  sum. homofact therefore finds one δ per table. A tilt across the plane of incidence is visible only in files that
+- **Reciprocity shows one angle.** Reciprocity depends only on the sum of the specimen's tilt and the angular errors
+of the two arms. homofact therefore finds one δ per table. A tilt across the plane of incidence is visible only in
+files that
   distinguish the two sides of this plane. RGL's isotropic files do not: they are exactly symmetric about the plane.
 - **The interval** (95%) comes from a bootstrap over the angles θd. If different θd suggest different tilts, the
   interval is wide.
@@ -70,8 +71,9 @@ and difference angles (`homofact/brdf/quality/tilt_of_samples.py`).
     - the interval of the tilt excludes 0, and the tilt is at least 0.005°;
     - a search with only the pairs near the plane of incidence finds at least half of the tilt (this fails for an
       anisotropic sample that was measured as isotropic);
-    - undoing it lowers the lack of reciprocity (the misfit in the table below) by at least a tenth, and by more than
-      the table's own error (in a list, it must lower the error of the predictions by at least a tenth);
+    - without the tilt, the lack of reciprocity ("misfit" below) is lower by at least a tenth, and by more than the
+    error of interpolation in the measured table ("the table's own" below). In a list, the error of the predictions
+    must be lower by at least a tenth;
     - it explains the lack of reciprocity better than an error of gain would: a factor that depends on the angle, such
       as a forgotten cosine.
 
@@ -82,9 +84,9 @@ FOUND = """\
 Seven of the ten files are straightened. The floor of each of them falls, for the two iridescent paints to about a
 quarter (from 0.092 and 0.097 to 0.024). These seven files have 14 fits, two sizes each:
 
-- The error of the fit, compared with the straightened measurement, is lower in 11 of the 14 fits if the fit was
-  made from the straightened measurement. It is higher for cc_green_malachite and cc_iris_purple_gem with 3 × 32²,
-  and for irid_flake_paint1 with 2 × 16².
+- In 11 of the 14 cases, the fit of the straightened measurement has a lower error than the fit of the raw one. Both
+errors are measured against the straightened measurement. The fit of the straightened measurement has a higher error
+for cc_green_malachite and cc_iris_purple_gem with 3 × 32², and for irid_flake_paint1 with 2 × 16².
 - The PSNR under the lamp rises in 9 fits, by up to 1.7 dB, and stays the same in 2. It falls by 0.2 to 1.1 dB in 3:
   both fits of vch_golden_yellow, and cc_iris_purple_gem with 2 × 16².
 """
@@ -99,8 +101,9 @@ LIMITS = """## Limits
 - In lobes wider than about 6°, a tilt looks like a gain that depends on the angle. The interval of the tilt then
   grows to tenths of a degree.
 - homofact uses one tilt angle for all angles of incidence.
-- After straightening, light directions closer to the normal than δ have no measured values. For these pairs,
-  homofact uses the values of the nearest slice (measured angle of incidence) at the same half vector.
+- After straightening, light directions closer to the normal than δ have no measured values. For pairs with such a
+light direction, homofact uses the values of the nearest slice (measured angle of incidence) at the same half
+vector.
 """
 
 
@@ -175,8 +178,9 @@ def tables(rows: dict[str, dict[str, Any]]) -> list[str]:
             2,
         ),
         "The errors are relative RMS of f cosθi cosθo. 'Raw fit: straight' is the error of the fit of the raw"
-        " measurement, compared with the straightened measurement. 'Over floor' is the error of the straight fit"
-        " divided by the floor. 'Worst albedo' is fit over source for the straight fit, at the worst angle (5 to"
+        " measurement, compared with the straightened measurement. 'Floor' is the floor of the straightened"
+        " measurement (column 'straightened' of the first table). 'Over floor' is the error of the straight fit"
+        " divided by this floor. 'Worst albedo' is fit over source for the straight fit, at the worst angle (5 to"
         " 75°) and channel. 'Lamp' is the PSNR in dB of a sphere under a small lamp, for the raw and for the"
         " straight fit. Albedo and PSNR are compared with the straightened measurement. 'reciprocal' is yes if the"
         " search enforced reciprocity for the straightened measurement.",

@@ -39,10 +39,12 @@ INTRODUCTION = """\
 Read this page to choose between homofact and other compact representations of a measured BRDF. It compares them on
 the 100 MERL materials, in error, bytes and speed. The published representations are NBRDF (a neural network), NPF
 (non-parametric factors), Neural Processes (nps), ABC (a microfacet model) and SGD (shifted gamma distribution); see
-the [references](references.bib). homofact itself fits the other two: GGX lobes and McCool's projections. The rows
+the [references](references.bib). The tables also contain methods that homofact fits itself: GGX lobes and McCool's
+projections, and for a few materials also NPF ("NPF, fitted here") and NBRDF ("NBRDF, trained here"). The rows
 "ours" are homofact's search at three byte budgets. All other settings are the defaults of the version that made
-these tables. That version tried every mix of projections; the [known mixes](known_mixes.md) of the default effort
-came later. For measurements instead of published fits, read [Real measurements](real.md). To compare methods on
+these tables. That version tried every mix of projections. Today the default effort tries the [known
+mixes](known_mixes.md) first. For measurements instead of published fits, read [Real measurements](real.md). To
+compare methods on
 your own file, run
 
     homofact compare SOURCE --methods mccool,search,ggx,npf --plot out/methods.png
@@ -72,26 +74,31 @@ and an SSIM of .990 for NPF. Our targets at 3.2 KiB were an MAE of .0025, an SSI
 targets for PSNR were 50 dB at 12 KiB and 56 dB at 48 KiB. The medians meet all of them."""
 ADDED = """\
 This table shows how much error a fit adds to that of its proxy. The row "nbrdf itself" gives the error of nbrdf,
-measured against the two other proxies. The rows below it give the errors of fits to nbrdf, measured against the
-same two proxies. "Added by the fit" is the median difference between the error of the fit and the error of its
-proxy. "Fit better in" is the share of pairs of a material and another proxy in which the fit is nearer than its
-proxy. homofact adds almost no error at any budget. By MALE and PSNR, its fits of nbrdf and nps are in most cases
-even slightly nearer to the other proxies than nbrdf and nps themselves. A fit has no information beyond its proxy,
-but it can miss an error that only its proxy has. For comparison, McCool's projections and GGX, fitted to the same
+measured against the two other proxies. The rows "… of nbrdf" give the errors of fits to nbrdf, measured against the
+same two proxies. The rows for npf and nps work in the same way. "Added by the fit" is the median of the fit's
+figure minus its proxy's figure. For MALE and energy, a positive difference means that the fit is worse. For PSNR, a
+negative one does. "Fit better in" counts pairs of a material and another proxy. It is the share of pairs in which
+the fit is nearer to the other proxy than its own proxy is. homofact adds almost no error at any budget. By MALE and
+PSNR, its fits of nbrdf and nps are in most cases
+even slightly nearer to the other proxies than nbrdf and nps themselves. A fit has no information beyond its proxy.
+However, it may not reproduce an error that only its proxy has, and is then nearer to the other proxies. For
+comparison, McCool's projections and GGX, fitted to the same
 proxies, add a clear error."""
 OTHERS = """\
 Each published fit is compared with the proxies other than itself. Each method that homofact fits to one proxy is
 compared with the two other proxies. In the rows "mean of two proxies", homofact fits the mean of two proxies and
 compares with the third. A homofact fit is about as far from the other proxies as its own proxy is. Each row "ours"
-pools the fits of all three proxies. Its error therefore lies between those of nbrdf, nps and npf, because the fits
-of npf inherit npf's error."""
+pools the fits of all three proxies, and each fit inherits the error of its proxy. The errors of "ours" therefore
+lie between the smallest and the largest error of nbrdf, nps and npf. The tables "Judged by …" measure against one
+proxy only."""
 AHEAD = """\
 Each row compares homofact (first figure) with another method (second figure). Both are measured against one proxy,
 named in the column "judged by". If the other method is itself a proxy, homofact was fitted to that proxy, so both
 have the same information. If the other method was fitted to MERL itself (abc, sgd) or fitted here, the row pools
-homofact's fits of the two proxies that do not judge. homofact has 12 KiB against McCool 12 KiB, and 3.2 KiB against
-all other methods. Measured against npf, even nbrdf and nps have a larger MALE than abc. homofact's fits in this row
-were made from these two proxies only, so their MALE is also larger. Their PSNR is better than that of abc."""
+homofact's fits of the two proxies that are not in "judged by". homofact uses 12 KiB against McCool 12 KiB, and 3.2
+KiB against all other methods. One row needs an explanation: abc, judged by npf. Measured against npf, even nbrdf
+and nps have a larger MALE than abc. homofact fitted only these two proxies in this row, so its MALE is also larger
+than that of abc. Its PSNR is better."""
 SPEED = """\
 `scripts/compression/compression_speed.py` evaluates every method on the same directions, in one run on one thread.
 Each method uses its best batch size. Other work ran on the machine at the same time. M/s is millions of evaluations
@@ -106,13 +113,13 @@ Sztrajman et al. (2021, table 1) rank the methods, from worst to best: GGX, SGD,
 means over materials. Each method is compared only with proxies that are neither itself nor the one that it was
 fitted to."""
 SGD = """\
-ABC, NPF and NBRDF come out in the published order. SGD does not: it falls behind our GGX fits. The formula is not
-the reason. We compared it term by term (distribution, masking, the sum, the order of the 33 parameters per
-material) with the public implementation from which the parameters come, and it is the same. So the published
+ABC, NPF and NBRDF come out in the published order. SGD does not: it falls behind our GGX fits. Our formula of SGD
+is not the reason. We compared it term by term (distribution, masking, the sum, the order of the 33 parameters per
+material) with the public implementation from which the parameters come, and both are the same. So the published
 parameters are the reason. SGD's distribution falls off like exp(−tan²θh/α). Metals and metallic paints have a
 narrow highlight with a long tail. SGD makes such a highlight too wide and too low, and its tail falls to zero where
 the tails of the proxies continue. GGX has a long tail. homofact fits GGX to the cube roots of the values, so the
-tail keeps a large weight in the fit. The published GGX was fitted differently. The table shows the mean of
+tail keeps a large weight in the fit. The published GGX was fitted differently. The next table shows the mean of
 |log(f̂/f)| in four ranges of the half vector's angle θh, where f is nbrdf. Each figure is a median over materials.
 The figure in brackets is the share of pairs whose f̂ differs from f by more than a factor of two."""
 CROWDED = """\

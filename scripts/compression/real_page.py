@@ -47,10 +47,11 @@ The methods are:
 
 Bytes are those of float32 numbers: RGB texels, weights, parameters."""
 READING = """\
-- **Raw and straightened.** homofact undoes the tilt of the measured sample by default ([Straighten a
-  measurement](straightening.md)). Published methods were fitted to the raw files, so the first two tables compare all
-  methods on the raw files. For the next two tables, we fitted all other methods to the straightened measurements and
-  compared them with these. If homofact finds no tilt, the straightened measurement is the raw one.
+- **Raw and straightened.** homofact undoes the tilt of the measured specimen by default ([Straighten a
+measurement](straightening.md)). The published methods were fitted to the raw files, so the first two tables compare
+all methods on the raw files. The next two tables leave out the published methods: we fitted the other methods to
+the straightened measurements, and compared the fits with the straightened measurements. If homofact undoes no tilt,
+the straightened measurement is the raw one.
 - **MALE**: mean |log(1 + f cosθi) − log(1 + f̂ cosθi)| over 20,000 pairs of directions, uniform on both hemispheres,
   both angles under 80°.
 - **RMS**: relative RMS of f cosθi cosθo over both hemispheres. "Over floor" is this error divided by the RMS of the
@@ -83,9 +84,9 @@ LIMITS = """\
 - Ten RGL files do not represent all materials, and all ten are isotropic.
 - We compare our fits and the published networks with the file that each was fitted to. MALE uses new pairs of
   directions, which are not among the samples of any fit.
-- The measurements have errors of their own. If a raw file violates reciprocity by an error of measurement, every
-  reciprocal method is charged with this error: NBRDF, NPF, McCool, GGX, in-out SVD, and our fits if they are
-  reciprocal.
+- The measurements have errors of their own. If a measurement error makes a raw file non-reciprocal, this error is
+part of the figures of every reciprocal method: NBRDF, NPF, McCool, GGX, in-out SVD, and our fits if they are
+reciprocal.
 - The file of the car paint contains extrapolated values beyond about 67° of incidence and 81° of view, and homofact
   sets its negative values to 0. homofact undoes no tilt in this file, since no tilt angle makes it reciprocal.
 - Pictures clip values brighter than white. Under the lamp, a sharp highlight covers only a few pixels, and these are
@@ -117,11 +118,13 @@ def page(rows: Sequence[Row]) -> list[str]:
             "In this table, all methods are fitted to the raw measurement and compared with it. The last column is the"
             " ratio of ours at 3.2 KiB to the published NBRDF (2700 bytes):",
             equal_bytes(table, names, RAW),
-            "In this table, ours and the reciprocal mean are those of the straightened measurement and are compared"
-            " with it. The other methods are still fitted to the raw measurement and compared with that:",
+            "In the next table, our fits and the reciprocal mean are made from the straightened measurement and"
+            " compared with it. The other methods are still fitted to the raw measurement and compared with the raw"
+            " measurement:",
             equal_bytes(table, names, STRAIGHT),
             "## Worst albedo",
-            "The largest relative error of the fit's albedo, with its incidence angle and channel. Ours is fitted to"
+            "Each cell gives the largest relative error of the fit's albedo, with its incidence angle and channel."
+            " Ours is fitted to"
             " the straightened measurement, the published NBRDF to the raw one:",
             albedo(table, names, STRAIGHT),
             "## Targets and results",

@@ -38,8 +38,8 @@ _ANGLES = """\
 "Bars" is the number of bars at this incidence angle, "covered" the share of bars that contain the true error, and
 "median bar" the median width:"""
 _WIDTHS = """\
-Each cell gives the median bar that the verdict prints. In brackets are the median bars that these fits would have
-if all samples were right or if all were faulty, and the median true error:"""
+Each cell gives the median bar that the verdict prints. In brackets are three more medians: the bar that these fits
+would get if homofact treated all samples as right, the bar if it treated all samples as faulty, and the true error:"""
 _MISSED = """\
 "Bad without a warning" is the share of bad fits for which the verdict does not warn. "Good with a warning" is the
 share of good fits for which it warns:"""
@@ -58,7 +58,8 @@ _METHODS = """\
 `mccool 2 × 20²` are McCool's projections with two textures of 20². `search 2 × 12²` is a search with two textures
 of 12²:"""
 _LISTED = """\
-Each row is a fit. "Samples" gives the fault, its strength and the layout. "Albedo off" is the true error of total
+Each row is a fit. The list contains only fits whose samples determine whether the fit is good ("can be known").
+"Samples" gives the fault, its strength and the layout. "Albedo off" is the true error of total
 reflected light. "Explained" is the share of the variance of the clean logarithms that the fit explains; it is
 negative if the fit is worse than a constant. "Score" is the estimated probability that the fit is bad. The verdict
 warns if it is above {threshold:.2f}. "Suspected" lists the suspicions of `homofact info`. A fit with a small

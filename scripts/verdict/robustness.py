@@ -243,8 +243,8 @@ fits the gains and a smooth reciprocal BRDF at the same time, and then divides t
 rows` does the same for blocks of consecutive rows of the file. Use it if the lamp drifted.
 
 - Two parts of the gains cannot be determined: their mean logarithm, and a smooth gain that depends in the same way on
-  θi and θo. Samples with such a gain are also valid samples of another material. If both the θi rings and the θo rings
-  have random gains, this part remains, and the fit may not improve.
+  θi and θo. Samples with such a gain are also valid samples of another material. If both the θi rings and the θo
+  rings have random gains, this smooth gain remains, and the fit may not improve.
 - homofact reports gains that could also come from the material itself, and does not divide them out. Clean samples
   therefore stay bit-identical.
 - If only a few rings are bad, homofact treats them one by one. For each ring that `homofact info` suspects, it divides
@@ -256,8 +256,8 @@ rows` does the same for blocks of consecutive rows of the file. Use it if the la
 Use `--clipped found` to detect the clipping level, or give the level in sr⁻¹ (`homofact/brdf/quality/clipping.py`). The
 fit then uses clipped values as lower bounds: they raise a fit that is below them, and never lower a fit that is above
 them. Where values are clipped, smoothing extrapolates the flank of the highlight. This is a guess. The search still
-takes the clipped values as exact when it chooses projections. When the search ignored the clipped values, it chose
-projections whose highlight was up to ten times too bright.
+takes the clipped values as exact when it chooses projections. We also tried a search that ignores the clipped
+values. It chose projections whose highlight was up to ten times too bright.
 
 ## Set ε from the noise
 
@@ -272,7 +272,8 @@ average. No ε can repair that.
 The table repeats cells of [Where fits fail](stability.md) without and with the option. A cell is one combination of a
 fault, its strength and a method. Each cell is fitted for {seeds} random draws. `light` is the total reflected light of
 the fit, divided by the light of the clean material, in the band of incidence angles where this ratio is farthest from
-1. `explained` is the share of the clean logarithms that the fit explains. Both columns give the worst of the {seeds}
+1. `explained` is the share of the variance of the clean logarithms that the fit explains. Both columns give the
+worst of the {seeds}
 draws. A fit is good if `light` is within 15% of 1 and `explained` is at least 90%. "Share × 300" multiplies a random
 share of the samples by 300. "σ of the log gain" and "fall of the gain" give rings or rows different gains. "σ over the
 mean, added" adds Gaussian noise.
