@@ -1,7 +1,7 @@
-"""The configuration of a run: strict TOML and command line options into frozen dataclasses.
+"""The configuration of a run: TOML, checked strictly, and command-line options, read into frozen dataclasses.
 
-Precedence is command line over file over default, key by key; an explicit 0, 0.0 or false wins like any
-other value, since only a missing key falls through. The sections:
+For each key, the command line takes precedence over the file, and the file over the default. An explicit 0, 0.0 or
+false counts like any other value. The sections:
 
     seed = 0             # of sampling, split and fit
     [source]             # what is read or sampled: `SourceSettings`
@@ -11,9 +11,9 @@ other value, since only a missing key falls through. The sections:
     [output]             # `OutputSettings`
     [render]             # `RenderSettings`
 
-Paths in a file are relative to the working folder, as they are on the command line. An unknown key or a
-value of the wrong type is `BadInput` naming file, key and the nearest known key or the expected type. Every key
-is a field of a section's dataclass, which `settings.tables` reads; those of [fit] are the methods' own.
+Paths in a file are relative to the working folder, as they are on the command line. An unknown key or a value of the
+wrong type raises `BadInput`, which names the file, the key, and the nearest known key or the expected type. Every key
+is a field of a section's dataclass, which `settings.tables` reads. The keys of [fit] are the settings of the methods.
 """
 
 import typing
@@ -56,7 +56,7 @@ class ConfigTable:
 class Config(ConfigTable):
     """A whole run's settings; every command uses its part.
 
-    `given` are the keys that were not left to their defaults.
+    `given` are the keys that the file or the command line sets.
     """
 
     given: frozenset[str] = frozenset()
@@ -66,7 +66,7 @@ SEED = options_of(ConfigTable)["seed"]
 
 
 def fit_options() -> dict[str, dict[str, Declared]]:
-    """Return the settings of all methods but the seed, by name: each as the methods that have it declare it."""
+    """Return the settings of all methods except the seed: by setting and method, the declaration of the setting."""
     settings: dict[str, dict[str, Declared]] = {}
     for name, method in ALL_METHODS.items():
         for setting, declared in options_of(method).items():
@@ -86,7 +86,7 @@ def section_options() -> dict[str, Declared]:
 
 
 def load_config(path: str | Path | None = None, given: Mapping[str, Any] | None = None) -> Config:
-    """Return the settings of a run from a TOML file (or none) and the command line's own.
+    """Return the settings of a run from an optional TOML file and from the command line.
 
     `given` maps dotted keys ("fit.size", "seed") to values, None where the option was not used. Raises
     BadInput for a file that cannot be read or is of another kind, an unknown key, a wrong type or a value out of range.

@@ -14,7 +14,7 @@ class HomofactError(Exception):
 
 
 class BadInput(HomofactError, ValueError):
-    """A file, argument or setting that cannot be used: which, what was found, what is expected, what to do.
+    """A file, argument or setting that cannot be used, with its place, what was found, what is expected, and a hint.
 
     Attributes
     ----------
@@ -23,12 +23,12 @@ class BadInput(HomofactError, ValueError):
     found
         The value, or a clause on what is wrong with it: "0", "no such file".
     expected
-        What would do.
+        What would be accepted.
     hint
         What to try. A setting in it is an `Advice`, so that the command line can show its option.
 
-    Each is "" where it is not known. The message is made of them:
-    "size: found 0, expected a whole number of at least 1 (nearest: 1)".
+    Each is "" if it is not known. The message combines them: "size: found 0, expected a whole number of at least 1
+    (nearest: 1)".
     """
 
     def __init__(
@@ -47,7 +47,7 @@ class BadInput(HomofactError, ValueError):
         super().__init__(self._message())
 
     def at(self, place: object, joint: str = ": ") -> Self:
-        """Return this error with a place before its own."""
+        """Return this error with another place in front of its own."""
         return self.moved_to(f"{place}{joint}{self.where}" if self.where else str(place))
 
     def moved_to(self, where: object) -> Self:
@@ -90,10 +90,10 @@ class Interrupted(KeyboardInterrupt):
 
 @dataclass(frozen=True)
 class Advice:
-    """A setting and the value to try for it; `of` is the function that takes it, where it is not the fit's.
+    """A setting and the value to try for it; `of` names its function if it is not a setting of the fit.
 
-    In a text it is written as Python has it, in backticks: "`robust=True`", "`convert(undo='cosine-o')`". The command
-    line shows its option instead (`cli.flags`).
+    In a message it appears as a Python argument in backticks: "`robust=True`", "`convert(undo='cosine-o')`". The
+    command line shows its option instead (`cli.flags`).
     """
 
     setting: str
@@ -122,7 +122,7 @@ class Status(Enum):
 
     @property
     def remedy(self) -> str:
-        """One line for the user: what to change where this ending is not good enough."""
+        """One line for the user: what to change if this result is not good enough."""
         return _REMEDIES[self]
 
 
@@ -138,10 +138,10 @@ _REMEDIES = {
 
 @dataclass(frozen=True)
 class Report:
-    """The frozen account of one fit, search or solve.
+    """The record of one fit, search or solve.
 
-    `seconds` is wall time, `residual` the value of the objective at the end (its meaning is the
-    producer's), `trace` (seconds, evaluations, best so far) triples.
+    `seconds` is the wall time. `residual` is the final value of the objective, whose meaning depends on the method.
+    `trace` is a series of triples (seconds, evaluations, best value so far).
     """
 
     status: Status

@@ -57,8 +57,8 @@ class _Checked:
 class SourceSettings(_Checked):
     """What is read: a file's path or `material:NAME`, its channels, and how a model is sampled.
 
-    `count` (pairs of directions) and `scheme` count for analytic models only. `subset` above 0 is the most samples that
-    a fit is given, drawn by cells (`brdf.stratified`). `calibrate` and `clipped` repair a measurement
+    `count` (pairs of directions) and `scheme` apply only to analytic models. If `subset` is above 0, it is the maximum
+    number of samples for a fit, drawn by cells (`brdf.stratified`). `calibrate` and `clipped` repair a measurement
     (`brdf.quality.mending`); suspicions in `dismiss` were checked and are not raised again.
     """
 
@@ -111,7 +111,7 @@ class SourceSettings(_Checked):
     )
 
     def opening(self, seed: int, path: str | None = None) -> "Opening":
-        """Return how the source is opened, a model drawn by `seed`; the source at another `path` where one is given."""
+        """Return the `Opening` of the source, or of another `path`; `seed` draws the samples of a model."""
         from homofact.brdf.source import Opening
 
         text = str(self.path) if path is None else path
@@ -122,7 +122,7 @@ class SourceSettings(_Checked):
 
 @dataclass(frozen=True)
 class EvaluateSettings(_Checked):
-    """`held_out`: the part of the measured samples kept from the fit, drawn by the seed; 0 in `factorize` alone."""
+    """`held_out`: the held-out share of the samples, drawn with the seed; only `factorize` accepts 0."""
 
     held_out: float = option(
         HELD_OUT,
@@ -135,15 +135,15 @@ class EvaluateSettings(_Checked):
 
 @dataclass(frozen=True)
 class CompareSettings(_Checked):
-    """What is fitted by which methods side by side: `methods` to each of `sources`, or to the one of [source].
+    """Settings of a comparison: fit `methods` to each of `sources`, or to the source in [source].
 
     A method is a name, `mccool:` and fixed projections joined with "+" (`mccool:theta_h-theta_d+wi`), `ggx:` and a
-    number of lobes, or `svd:` and coordinates. `plot` is the figure's file, where one is wanted. `metrics` names what
-    they are measured by: six, all, or single metrics; `csv` and `latex` are files for their means and standard
-    deviations over sources and seeds, and with `by_source` the LaTeX table also has rows for each source. Saved fits in
-    `sources` are compared on the measurement `on` where one is named. With the folder `chart`, each source is fitted by
-    methods × `textures` × `size` × `search` instead. McCool's fixed lists take neither counts nor searches, and only
-    `search` takes searches.
+    number of lobes, or `svd:` and coordinates. `plot` is the file of the figure. `metrics` names the metrics: six, all,
+    or single metrics. `csv` and `latex` are files for their means and standard deviations over sources and seeds; with
+    `by_source`, the LaTeX table also has rows for each source. If `sources` are saved fits and `on` names a
+    measurement, the fits are compared on it. If `chart` names a folder, each source is fitted with all combinations of
+    methods, `textures`, `size` and `search` instead. `textures` does not apply to McCool's fixed projections, and
+    `search` applies only to the method `search`.
     """
 
     sources: tuple[str, ...] = option(
@@ -210,9 +210,10 @@ class OutputSettings(_Checked):
 class RenderSettings(_Checked):
     """How a sphere is drawn.
 
-    `light` points to a directional light (any length), None is the light of the comparison pictures; `environment` is
-    a lat-long .hdr or .exr file that takes its place, `exposure` stops brighter than the automatic one, `tonemap` the
-    curve (`rendering.tonemap`), `size` the picture's pixels per side, `file` where it goes.
+    `light` is a vector of any length towards a directional light; None means the light of the comparison pictures.
+    `environment` is a lat-long .hdr or .exr file that replaces this light. `exposure` is a number of stops above the
+    automatic exposure, `tonemap` the tone curve (`rendering.tonemap`), `size` the picture's pixels per side, and `file`
+    the output file.
     """
 
     light: tuple[float, float, float] | None = option(
@@ -240,10 +241,10 @@ class RenderSettings(_Checked):
 
 @dataclass(frozen=True)
 class FitSection:
-    """[fit]: a method's name and the settings that were given, by the file (whose `places` says where) or the options.
+    """[fit]: the name of a method, with the settings from the file (`places` has their positions) or the options.
 
-    The method objects are made from it by `method_alone`, or `methods` for several labels; each raises BadInput for a
-    setting that cannot be meant and for one that no such method has.
+    `method_alone` makes the method object from it, and `methods` makes those of several labels. Both raise BadInput for
+    an invalid setting, and for a setting that no such method has.
     """
 
     method: str = option(
@@ -256,7 +257,7 @@ class FitSection:
     places: Mapping[str, str] = field(default_factory=dict)
 
     def method_alone(self) -> "Method":
-        """Return the method with all of the settings. Raises BadInput for one that makes no shaders too."""
+        """Return the method with all of the settings. Raises BadInput also for a method without shaders."""
         # "npf" is a model as well as "ggx:2".
         if self.method.partition(":")[0] in MODELS_BY_NAME.keys() - SHIPPED.keys():
             expected = f"one of {', '.join(SHIPPED)}; other models are for homofact compare"

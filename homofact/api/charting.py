@@ -41,7 +41,7 @@ class SourceChart:
     files : list of Path
         The CSV with all runs, and the pictures.
     others : int
-        Runs of other settings that the CSV holds too.
+        Number of runs with other settings in the CSV.
     """
 
     source: str
@@ -50,13 +50,13 @@ class SourceChart:
     others: int
 
     def points(self) -> "list[ChartPoint]":
-        """Return the runs, those that differ in their seed or split alone as one point."""
+        """Return one point for each group of runs that differ only in their seed or split."""
         from homofact.evaluation.chart_points import points_of
 
         return points_of(self.rows)
 
     def reference(self) -> float | None:
-        """Return McCool's lowest mean error; None where there is none."""
+        """Return the lowest mean error of McCool's own projections, or None if the chart has no such run."""
         from homofact.evaluation.chart_points import reference
 
         found = reference(self.points())
@@ -104,36 +104,36 @@ def chart(
 ) -> ChartResult:
     """Run methods × textures × sizes × searches, and draw error against cost.
 
-    Runs that the folder holds already are not fitted again: the same call goes on where an interrupted one ended.
+    Runs that are already in the folder are not fitted again. After an interruption, repeat the call to continue.
 
     Parameters
     ----------
     source : source, path, or list of these
         What is fitted, as for `fit`.
     to : path
-        The folder: for each source NAME.csv, NAME_time and NAME_cost as PNG and SVG.
+        The output folder. Each source gets NAME.csv, and the figures NAME_time and NAME_cost as PNG and SVG.
     methods : sequence of str or Method, or dict, optional
         As for `compare`.
     textures : sequence of int, optional
-        Counts of textures.
+        Numbers of textures to try.
     sizes : sequence of int, optional
         Texels per side.
     searches : sequence of str, optional
         How `search` refines: "gradient", "powell", "nlopt-NAME".
     seeds : int, optional
-        How many seeds to fit by, from `seed` on.
+        Number of seeds to fit with, starting at `seed`.
     splits : int, optional
-        How many splits into training and held-out samples, drawn by the seeds from `seed` on.
+        Number of splits into training and held-out samples, drawn with successive seeds starting at `seed`.
     held_out : float, optional
         The part of the samples that is held out of the fits.
     seed : int, optional
-        Of the split, of the samples of a model, and of methods that are given by name.
+        Seed of the split, of a model's samples, and of the methods that you give by name.
     force : bool, optional
         Fit all runs anew.
     progress : callable, optional
         Called with a `ProgressStep` on the way.
     **settings
-        Of the methods that are given by name, each taking those that it has.
+        Settings of the methods that you give by name. Each method gets only the settings that it has.
 
     Returns
     -------
@@ -145,7 +145,7 @@ def chart(
     BadInput
         For sources, methods or settings that cannot be used, and a folder that cannot be written.
     Interrupted
-        For Ctrl-C: the runs so far are in the folder.
+        If you press Ctrl-C. The folder contains the finished runs.
 
     Examples
     --------
@@ -174,7 +174,7 @@ def chart(
 def charted(
     labels: "Sequence[str | Method]", varied: Mapping[str, Sequence[Any]], settings: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """The settings that the first of a chart's runs have: what is varied by its first value, where a method has it."""
+    """Return the settings of a chart's first run: the first value of each varied setting that a method has."""
     names = {parsed_label(label)[0] for label in labels if isinstance(label, str)}
     first = {name: values[0] for name, values in varied.items() if not names.isdisjoint(methods_with(name))}
     return {name: value for name, value in settings.items() if name not in varied} | first

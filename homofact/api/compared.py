@@ -25,7 +25,7 @@ class SourceComparison:
     values : dict
         The chosen metrics of each fit by label, on the held-out samples.
     conditions : list of str
-        Under which conditions these metrics hold.
+        The conditions under which the metrics were measured, in sentences.
     """
 
     source: "Source"
@@ -52,7 +52,7 @@ class SourceComparison:
         }
 
     def split_by_split(self) -> "list[MethodPair]":
-        """Return each pair of methods, split by split, that of the lower mean Cole error first; none for one split."""
+        """Compare each pair of methods over the splits, lower mean Cole error first; empty for one split."""
         from homofact.evaluation.paired import split_by_split
 
         return split_by_split(self.rows)
@@ -91,11 +91,11 @@ class CompareResult:
     sources : tuple of SourceComparison
         The fits to each source.
     fits : int
-        How many fits of a method to a source were planned.
+        The planned number of pairs of a source and a method.
     several : bool
         Whether the call had a list of sources.
     interrupted : bool
-        Whether Ctrl-C ended it before all of them were done.
+        Whether Ctrl-C ended the comparison before all fits were done.
     files : dict of Path
         The files that were written: "plot", "csv", "latex".
     by_source : bool
@@ -116,7 +116,7 @@ class CompareResult:
 
     @property
     def fits_done(self) -> int:
-        """How many fits of a method to a source are compared."""
+        """The number of pairs of a source and a method in the comparison."""
         return sum(len(source.rows) for source in self.sources)
 
     @property
@@ -136,7 +136,7 @@ class CompareResult:
 
     @property
     def pairs_in_words(self) -> list[str]:
-        """The comparison of each pair of methods, split by split, in lines; none of one split."""
+        """One line for each pair of methods, which compares them over the splits; empty for one split."""
         return [
             f"{source.source.name}: {pair.words}" if len(self.sources) > 1 else pair.words
             for source in self.sources
@@ -145,7 +145,7 @@ class CompareResult:
 
     @property
     def warnings(self) -> list[str]:
-        """What to beware of: a tilt that was left in, errors with different ε, and seeds that gave one fit."""
+        """Warnings: an uncorrected tilt, errors with different ε, or seeds that gave identical fits."""
         from homofact.evaluation.means import mixed_epsilons, same_fits, without_numbers
 
         tilts = {each.source.name: each.source.samples.provenance.get("tilt") or {} for each in self.sources}

@@ -1,4 +1,4 @@
-"""Comparing: several methods fitted to the same split of one source or several, measured alike."""
+"""Comparing: fit several methods to the same split of one or more sources, and measure them alike."""
 
 import os
 from collections.abc import Mapping, Sequence
@@ -47,7 +47,7 @@ def compare(
     Parameters
     ----------
     source : source, path, or list of these
-        The source to fit, as for `fit`. For several sources, there are means and standard deviations too.
+        The source to fit, as for `fit`. For several sources, the result also has means and standard deviations.
     methods : sequence of str or Method, or dict, optional
         Methods by name ("mccool:theta_h-theta_d+wi" has fixed projections, "ggx:2" two lobes,
         "svd:half-diff" other coordinates), as objects, or as
@@ -55,12 +55,12 @@ def compare(
     held_out : float, optional
         The part of the samples that is held out of the fits.
     seeds : int, sequence of int or str, optional
-        How many seeds to fit by, from `seed` on, or which ones; as text "3" or "0,1,2".
+        Number of seeds to fit with, starting at `seed`, or the seeds themselves. As text: "3" or "0,1,2".
     splits : int, optional
-        How many splits into training and held-out samples, drawn by the seeds from `seed` on. On several, the result
-        also tells for each pair of methods on how many of them one is better.
+        Number of splits into training and held-out samples, drawn with successive seeds starting at `seed`. With
+        several splits, the result also counts, for each pair of methods, the splits on which one is better.
     seed : int, optional
-        Of the split, of the samples of a model, and of methods that are given by name.
+        Seed of the split, of a model's samples, and of the methods that you give by name.
     metrics : sequence of str, optional
         "six", "all", or names of metrics.
     plot, csv, latex : path, optional
@@ -74,12 +74,12 @@ def compare(
     progress : callable, optional
         Called with a `ProgressStep` on the way.
     **settings
-        Of the methods that are given by name, each taking those that it has.
+        Settings of the methods that you give by name. Each method gets only the settings that it has.
 
     Returns
     -------
     CompareResult
-        The fits and their errors by source and label. Ctrl-C ends it with what is compared by then.
+        The fits and their errors by source and label. After Ctrl-C, the result contains the fits made so far.
 
     Raises
     ------
@@ -127,7 +127,7 @@ def named_methods(
 ) -> "dict[str, Method]":
     """Return the methods by label.
 
-    Raises BadInput for none, one that is there twice, and settings that none of them has.
+    Raises BadInput for an empty list, a method that occurs twice, and settings that no method has.
     """
     if isinstance(methods, Mapping):
         return dict(methods)

@@ -1,4 +1,4 @@
-"""Saved fits side by side, on the samples of their source or on those of another: which is nearer, and by how much."""
+"""Compare saved fits on the samples of their source or of another source: which error is smaller, and by how much."""
 
 import os
 from collections.abc import Mapping, Sequence
@@ -25,30 +25,30 @@ _READ_WITH = ("channels", "count", "scheme", "seed", "calibrate", "clipped")
 
 @dataclass(frozen=True)
 class FitsComparison:
-    """Saved fits beside each other.
+    """The comparison of saved fits.
 
     Attributes
     ----------
     source : str
-        The source of all of them, or the one that they were measured on instead.
+        The common source of the fits, or the other source that they were measured on.
     part : str
-        What their errors are on: "held_out", samples that none of them has seen, or "source", all samples.
+        The samples of the errors: "held_out" (samples that no fit has seen) or "source" (all samples).
     fits : dict of Fit
-        The fits by label: the names of their folders.
+        The fits by label. A label is the name of the fit's folder, or its path if two names are equal.
     records : dict
-        By label: bytes (of an export as it stores them), fetches, shapes of the textures, errors, metrics and
-        appearance, and the verdict that the fit was saved with.
+        Facts of each fit, by label: bytes (for an export, as stored), fetches, shapes of the textures, errors, metrics,
+        appearance, and the verdict saved with the fit.
     plot : Path or None
         The picture; None without one.
     conditions : list of str
-        Under which conditions the metrics hold, in sentences.
+        The conditions under which the metrics were measured, in sentences.
     best : str
         The label of the fit with the lowest Cole error.
     ratios : dict of dict of ErrorRatio
-        The errors of the best fit over those of each other one with the same ε, by label and by error ("log_mse",
+        The errors of the best fit divided by those of each other fit with the same ε, by label and by error ("log_mse",
         "mse"), with their intervals.
     unlike : tuple of str
-        The fits whose held-out samples are others than those of the first one, or are not known.
+        The labels of the fits whose held-out samples differ from those of the first fit or are unknown.
     """
 
     source: str
@@ -80,15 +80,15 @@ def compare_fits(
     plot: Place | None = None,
     progress: Progress | None = None,
 ) -> FitsComparison:
-    """Measure saved fits on the same samples, beside each other.
+    """Measure saved fits on the same samples and compare them.
 
     Parameters
     ----------
     fits : sequence of paths
         Two or more results' folders or exports.
     on : source or path, optional
-        Another measurement to measure them on, for example a second one of the same material, or the same file with a
-        fault undone. The fits may then be of different sources. Default: the source of all of them.
+        Another measurement to measure the fits on, for example a second measurement of the material, or the same file
+        with a corrected fault. The fits may then have different sources. Default: the common source of the fits.
     metrics : sequence of str, optional
         "six", "all", or names of metrics, measured on the same samples.
     plot : path, optional
@@ -99,14 +99,14 @@ def compare_fits(
     Returns
     -------
     FitsComparison
-        The errors on the samples that were held out of all of them, if they share their split, else on all samples;
-        with `on`, on all samples of that measurement.
+        The errors on the held-out samples if all fits share a split, otherwise on all samples. With `on`, the errors on
+        all samples of that measurement.
 
     Raises
     ------
     BadInput
-        For fewer than two fits, an unknown metric, fits that cannot be read, or have other channels than `on`. Without
-        `on`, also for fits of different sources or of one that is gone.
+        For fewer than two fits, an unknown metric, fits that cannot be read, or fits with other channels than `on`.
+        Without `on`, also for fits of different sources, or if the source cannot be found.
 
     Examples
     --------

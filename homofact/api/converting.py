@@ -1,9 +1,10 @@
-"""Converting: a source or a fit written in another format, chosen by the ending of the new file.
+"""Converting: write a source or a fit in another format, which the extension of the new file selects.
 
-.csv, .npz and .dat (ALTA text) hold samples: the measurement's, or drawn from the model. .binary (MERL) and .bsdf
-(RGL) are full tables: the source's own where it is one, else the model or interpolated samples at their nodes. So are
-the formats of lighting and optics: .xml (WINDOW and Radiance), .brdf and .anisotropicbsdf (Ansys Speos), and Zemax's
-.bsdf, which needs `form` because RGL's files have the same ending.
+.csv, .npz and .dat (ALTA text) contain samples: those of the measurement, or samples drawn from the model. .binary
+(MERL) and .bsdf (RGL) are full tables. If the source is such a table, homofact copies it; otherwise homofact evaluates
+the model, or interpolates the samples, at the nodes. The formats of lighting and optics are full tables too: .xml
+(WINDOW and Radiance), .brdf and .anisotropicbsdf (Ansys Speos), and Zemax's .bsdf, which needs `form` because RGL's
+files have the same ending.
 """
 
 import math
@@ -57,9 +58,9 @@ class ConvertResult:
     format : str
         Its format: "merl", "rgl", "zemax", "csv", "npz", "alta", "klems", "tree" or "speos".
     notes : tuple of str
-        What got lost, was interpolated or repaired, in sentences.
+        What was lost, interpolated or repaired, in sentences.
     facts : dict
-        The rest of the JSON form: samples, channels, and how far a table is off its source.
+        The rest of the JSON form: samples, channels, and the error of a table against its source.
     """
 
     source: str
@@ -98,17 +99,18 @@ def convert(
         The new file: .binary (MERL), .bsdf (RGL, Mitsuba's measured), .csv, .npz, .dat (ALTA), .xml (WINDOW and
         Radiance), .brdf or .anisotropicbsdf (Ansys Speos).
     form : str, optional
-        A format that shares an ending: "zemax" for .bsdf, "tree" (tensor tree) for .xml, else RGL and Klems' bands.
+        Selects the format if two formats share an extension: "zemax" for .bsdf, "tree" (tensor tree) for .xml. Default:
+        RGL for .bsdf, Klems bands for .xml.
     undo : sequence of str, optional
         Conventions to undo, as `info` names them: "cosine-o", "srgb", "elevation" and others. Not for tables.
     channels : str, optional
         "rgb", "luminance", "spectral", or one channel's name.
     count, scheme : int and str, optional
-        How many pairs are drawn from a model or a fit, and how.
+        Number of pairs of directions to draw from a model or a fit, and the sampling scheme.
     calibrate : sequence of str, optional
         Faults of the instrument to undo, as for `read`.
     seed : int, optional
-        Of the pairs that are drawn.
+        Seed of the drawn pairs.
     force : bool, optional
         Replace a file that is there.
     progress : callable, optional
@@ -122,7 +124,8 @@ def convert(
     Raises
     ------
     BadInput
-        For what cannot be read, an unknown ending, a format that the ending has not, and a file that is there.
+        For a source that cannot be read, an unknown extension, a `form` that does not suit the extension, and an
+        existing file without `force`.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Describing: what is in a file or a folder of homofact's, what a source is, or which command reads a TOML."""
+"""Describing: the contents of a file or folder, the properties of a source, or the command that reads a TOML file."""
 
 import os
 from dataclasses import dataclass
@@ -34,7 +34,7 @@ _LEAST_SPREAD = 0.15
 
 @dataclass(frozen=True)
 class InfoResult:
-    """What is known of a source or a scene.
+    """The description of a source, a fit or a scene.
 
     Attributes
     ----------
@@ -46,11 +46,11 @@ class InfoResult:
     facts : dict
         The JSON form.
     rows : dict
-        The same for people: names and values.
+        The same facts in readable form: names and values.
     mended : tuple of str
         How the data were repaired, in sentences.
     suspected : tuple of Suspicion
-        Units and conventions that the data seem not to keep to.
+        Units and conventions that the data seem to violate.
     asked : tuple of str
         Questions that only the person who measured can answer; none where the source was not measured.
     """
@@ -69,25 +69,25 @@ class InfoResult:
 
 
 def info(source: Any, *, plot: Place | None = None, seed: int = 0, progress: Progress | None = None) -> InfoResult:
-    """Say what is in a measurement file, what a source is, what a saved fit is, or what a scene's folder holds.
+    """Describe a measurement file, a source, a saved fit, or the folder of a scene.
 
     Parameters
     ----------
     source : source or path
-        As for `fit`; a saved fit or the folder of its result or export, shown with error bars by angle; or a folder
-        that `plan`, `relight` or `edit` wrote; or a configuration, sweep or scene in TOML, of which it names the
-        command that reads it.
+        A source, as for `fit`. Or a saved fit, a result folder or an export, which is described with error bars by
+        angle. Or a folder that `plan`, `relight` or `edit` wrote. Or a TOML file (configuration, sweep or scene); the
+        result then names the command that reads it.
     plot : path, optional
         A .png to draw: a slice, lobes and a lit sphere.
     seed : int, optional
-        Of the samples of a model.
+        Seed of a model's samples.
     progress : callable, optional
         Called with a `ProgressStep` on the way.
 
     Returns
     -------
     InfoResult
-        Its kind and facts, and what is suspected of its units and conventions.
+        The kind and the facts, and suspicions about units and conventions.
 
     Raises
     ------

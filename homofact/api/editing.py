@@ -1,4 +1,4 @@
-"""Editing: a scene whose materials are edited by curves under its light, and an edit taken into textures."""
+"""Editing: precompute a scene whose materials you edit with curves, and apply an edit to textures."""
 
 import os
 import time
@@ -40,12 +40,12 @@ def edit(
     force: bool = False,
     progress: Progress | None = None,
 ) -> "EditResult":
-    """Precompute a scene whose materials are edited by curves under its light.
+    """Precompute a scene under its light, so that you can edit its materials with curves.
 
     Parameters
     ----------
     scene : path
-        A scene's file in TOML, or the folder of a scene that was prepared before, which is opened.
+        A scene file in TOML, or the folder of a prepared scene, which is then opened.
     to : path, optional
         The folder of the prepared scene, which `homofact view` shows. Nothing is written unless it is given.
     page : bool, optional
@@ -58,12 +58,12 @@ def edit(
     Returns
     -------
     EditResult
-        What was precomputed: its `session` sets curves and makes pictures, `report` states the errors.
+        The precomputed scene. Its `session` sets curves and renders pictures; its `report` contains the errors.
 
     Raises
     ------
     BadInput
-        For what cannot be read, materials without such curves, and a folder that is taken.
+        For files that cannot be read, materials without curves, and a folder that already contains files.
     MissingDependency
         Without Embree (the extra `relight`).
 
@@ -126,13 +126,13 @@ class EditedTextures:
     material : str
         The material's name in the scene.
     result : EditedFit
-        The fit with the edit in it, and how far it is from the edited material.
+        The fit with the edit applied, and its error against the edited material.
     report : dict
         The JSON form, as in the folder's report.json.
     folder : Path or None
         The result's folder, where one was written.
     warning : str
-        At which angle the edited material reflects more light than falls in; "" where it does not.
+        The angle at which the edited material reflects more light than it receives; "" if there is none.
     """
 
     material: str
@@ -158,7 +158,7 @@ def apply_curves(
     force: bool = False,
     progress: Progress | None = None,
 ) -> EditedTextures:
-    """Make textures of an edited material: take the edit into those of a fit, or fit the material anew.
+    """Make textures of an edited material: apply the edit to the textures of a fit, or fit the material again.
 
     Parameters
     ----------
@@ -169,11 +169,12 @@ def apply_curves(
     to : path, optional
         The folder of the result, which `load` opens. Nothing is written unless it is given.
     material : str, optional
-        Which material, where several are edited.
+        The name of the material, if several are edited.
     way : {"texels", "solve", "texture"}, optional
-        How the edit is applied to a fit's textures. Default: the way that suits them.
+        How to apply the edit to a fit's textures. Default: "texels" if a texture depends on the edited angle, otherwise
+        "solve".
     refine : int, optional
-        Of the way "texels": steps that one between two texels becomes.
+        For "texels": the number of steps into which each step between two texels is divided.
     force : bool, optional
         Replace a result that is in the folder.
     progress : callable, optional
@@ -187,7 +188,8 @@ def apply_curves(
     Raises
     ------
     BadInput
-        For what cannot be read, curves that change no material or several, and a folder that is taken.
+        For files that cannot be read, curves that change no material or several, and a folder that already contains
+        files.
     """
     folder = None if to is None else Path(to)
     if isinstance(curves, str | os.PathLike):

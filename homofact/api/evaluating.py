@@ -1,4 +1,4 @@
-"""Evaluating: the errors of a fit against its source, on samples that it has not seen where there are any."""
+"""Evaluating: measure the errors of a fit against its source, on held-out samples if there are any."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,12 +19,12 @@ class EvaluateResult:
     Attributes
     ----------
     source : str
-        What it was compared with.
+        The source that the fit was compared with.
     known : bool
         Whether the training samples are those that the fit was made from.
     train, test : SixErrors
-        On the training samples, and on those held out (all of them where nothing was); at random azimuths where the
-        source is isotropic. `test.log_mse` is the Cole error.
+        Errors on the training samples and on the held-out samples (on all samples if none were held out). For an
+        isotropic source, the samples are rotated to random azimuths. `test.log_mse` is the Cole error.
     part : str
         What the test samples are: "held_out", or "source" where the fit may have seen them.
     metrics : dict
@@ -32,7 +32,7 @@ class EvaluateResult:
     appearance : Appearance or None
         Albedo, highlight and pictures beside the source's; None if the source consists only of samples.
     conditions : list of str
-        Under which conditions the metrics hold.
+        The conditions under which the metrics were measured, in sentences.
     """
 
     source: str
@@ -66,15 +66,15 @@ def evaluate(
 ) -> EvaluateResult:
     """Measure a fit against its source.
 
-    A fit knows which samples were held out of it. A fit of all samples, as `fit` makes it, is measured on samples that
-    it has seen; `factorize` and `compare` hold some out.
+    A fit records which samples were held out. `fit` uses all samples, so its result is measured on samples that it has
+    seen. `factorize` and `compare` hold out a part of the samples.
 
     Parameters
     ----------
     fit : Fit or path
         A fit, a result's folder, or a saved .npz file.
     source : source or path, optional
-        What to compare with. The fit's own source is found by itself where it can be.
+        The source to compare with. By default, homofact tries to find the fit's own source.
     metrics : sequence of str, optional
         "six", "all", or names of metrics.
     progress : callable, optional
@@ -83,12 +83,12 @@ def evaluate(
     Returns
     -------
     EvaluateResult
-        Errors on training and test samples, the metrics, and how it looks.
+        Errors on training and test samples, the metrics, and the appearance.
 
     Raises
     ------
     BadInput
-        For a fit or source that cannot be read or found, other channels, and unknown metrics.
+        For a fit or source that cannot be read or found, a source with other channels, and unknown metrics.
 
     Examples
     --------

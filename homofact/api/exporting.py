@@ -37,7 +37,7 @@ class ExportResult:
     Attributes
     ----------
     result : str
-        The fit's place, "fit" for one in memory.
+        The path of the fit; "fit" for a fit in memory.
     folder : Path
         Where the export is.
     format : str
@@ -50,27 +50,29 @@ class ExportResult:
     part : str
         The name of the part that was tested, "held_out" or "source".
     caution : str
-        Why there are no errors on samples, or that the fit may have seen them; empty where neither holds.
+        The reason why there are no errors on samples, or a warning that the fit may have seen the samples; otherwise
+        empty.
     source_found : bool
         Whether there are errors on samples.
     cost : EvaluationCost
         Fetches, operations and bytes of one evaluation.
     noise : tuple of dict
-        By the viewer's angle, the relative variance of one direction drawn by `homofact_sample`.
+        The noise of importance sampling for each angle of the viewer: the relative variance of an estimate from one
+        direction that `homofact_sample` draws.
     engine : str
-        The engine that the export is for, empty for a plain one.
+        The engine that the export is for; empty for an export without an engine.
     looks : dict
-        How an engine's look-alikes compare, by label.
+        The errors of the engine's look-alike materials against the source, or against the fit, by label.
     prefiltered : PrefilteredExport or None
-        The filtered sky.
+        The prefiltered environment map.
     light : UnderSkies or None
-        How the fit reflects the engine's own sky, where it does, and how far off that is.
+        How the engine lights the fit with its own sky, and the error of this; None if it does not.
     likeness : Likeness or None
-        How near the look-alike in glTF's export comes to the fit, None for other exports.
+        The error of the glTF look-alike material against the fit; None for exports without one.
     verdict : dict or None
-        How far the fit itself may be off: "trusted" and "summary" of its verdict, None for a fit without one.
+        The fit's verdict as "trusted" and "summary"; None for a fit without a verdict.
     shipped : tuple of str
-        The files that the engine needs, where that is not all of them.
+        The files that the engine needs, if it does not need all files; otherwise empty.
     """
 
     result: str
@@ -128,21 +130,21 @@ def export(
     fit : Fit or path
         A fit, a result's folder, or a saved .npz file.
     to : path
-        The folder that is written, whole or not at all.
+        The output folder. If the export fails, nothing is written.
     format : str, optional
-        The textures' format, such as "exr", "png8" or "ktx2". Default: the value of `quantize`. Without it, an export
-        of 8 or 16 bits (as `plan` writes them) keeps its format and its texels, and any other fit becomes "exr", or
-        the engine's first format.
+        The textures' format, such as "exr", "png8" or "ktx2". Default: the value of `quantize`. Without `quantize`, a
+        fit that is an 8-bit or 16-bit export (such as `plan` writes) keeps its format and texels. Any other fit is
+        written as "exr", or in the engine's first format.
     quantize : {"png8", "png16"}, optional
         Solve for the best texels of 8 or 16 bits, instead of rounding each by itself.
     engine : str, optional
         Add what an engine loads: "three", "gltf", "materialx", "godot", "blender" or "pbrt".
     prefilter : path, optional
-        A lat-long .hdr or .exr to filter for the material.
+        A lat-long environment map (.hdr or .exr) to prefilter for the material.
     prefilter_side : int, optional
         Texels per side of the filtered sky's faces, a power of two. Default: 256.
     source : path or source, optional
-        What the fit was made from. It is found by itself where it can be.
+        The source of the fit. By default, homofact tries to find it.
     force : bool, optional
         Replace an export that is there.
     progress : callable, optional
@@ -156,7 +158,8 @@ def export(
     Raises
     ------
     BadInput
-        For a fit or source that cannot be read, a format that cannot hold the fit, and a folder that is taken.
+        For a fit or source that cannot be read, a format that cannot store the fit, and a folder that already contains
+        files.
 
     Examples
     --------

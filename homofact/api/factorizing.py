@@ -1,4 +1,4 @@
-"""Factorizing: a source fitted and judged on held-out samples, and the folder of the result."""
+"""Factorizing: fit a source, judge the fit on held-out samples, and write a result folder."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class FactorizeResult:
-    """A fit, beside McCool's projections of the same size, and the folder that they are in.
+    """A fit, a fit with McCool's projections of the same size for comparison, and their folder.
 
     Attributes
     ----------
@@ -38,16 +38,17 @@ class FactorizeResult:
     source : Source
         What was fitted.
     rows : dict of ComparisonRow
-        The fit by its method's name, and McCool's projections as "McCool" where the fit is not that itself.
+        The fit under the name of its method, and the fit with McCool's projections as "McCool", unless they are the
+        same.
     report : dict
         The JSON form, as in the folder's report.json.
     picture : Path or None
         Source and fits on a lit sphere; None without matplotlib.
     left_out : str
-        What was not written for want of a library; empty where nothing was.
+        What was not written because a library is missing; otherwise empty.
     model : FitWithErrors or None
-        A GGX model whose errors on the held-out samples of a list are smaller than those of the fit; None where they
-        are not, or none was tried.
+        A GGX model with smaller errors than the fit on the held-out samples; None if homofact tried none or its errors
+        are larger.
     """
 
     folder: Path
@@ -104,7 +105,7 @@ def factorize(
         The part of the samples that is held out of the fit; 0 fits all samples, and every error is then on samples
         that the fit has seen.
     seed : int, optional
-        Of the samples of a model, and of a method that is given by name.
+        Seed of a model's samples, and of a method that you give by name.
     strict : bool or float, optional
         Raise an error if the verdict warns; a number is the largest accepted probability of a bad fit.
     refuse : tuple of str, optional
@@ -114,7 +115,7 @@ def factorize(
     progress : callable, optional
         Called with a `ProgressStep` on the way.
     **settings
-        Of a method that is given by name.
+        Settings of a method that you give by name.
 
     Returns
     -------
@@ -124,7 +125,7 @@ def factorize(
     Raises
     ------
     BadInput
-        For a source or settings that cannot be used, a folder that is taken, and a fit that is refused.
+        For a source or settings that cannot be used, a folder that already contains files, and a fit that is refused.
 
     Examples
     --------
@@ -242,7 +243,7 @@ def draw_fits(
     rows: "Mapping[str, ComparisonRow | Fit]",
     records: Mapping[str, dict[str, Any]],
 ) -> None:
-    """Draw a source beside fits of it by label, with the lines and error bars of their `records` below."""
+    """Draw a source beside its fits, with the lines and error bars from `records` below each fit."""
     from homofact.brdf.channels import display_of
     from homofact.brdf.source_names import AUTOMATIC, NOTHING
     from homofact.figures.compare_picture import FitPanel, compare_picture

@@ -1,4 +1,4 @@
-"""What a saved fit is and how far it may be off: a result's folder, an export's, or a file that `Fit.save` wrote."""
+"""Facts and error bars of a saved fit: a result folder, an export, or a file that `Fit.save` wrote."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,9 +19,9 @@ _LARGEST = 75.0  # θi in degrees up to which albedos are stated
 
 
 def fit_facts(place: Path) -> tuple[str, dict[str, Any], dict[str, Any]] | None:
-    """Return (title, rows for people, the answer) of a saved fit; None of anything else.
+    """Return (title, readable rows, JSON form) of a saved fit; None for anything else.
 
-    Raises BadInput for a damaged one.
+    Raises BadInput for a damaged fit.
     """
     if place.is_dir():
         if not any((place / mark).is_file() for mark in (FACTORIZATION, EXPORT.mark)):

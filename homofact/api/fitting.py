@@ -26,17 +26,18 @@ from homofact.methods.method import Method
 def fit(source: Any, method: Method | None = None, *, progress: ProgressCallback | None = None, **settings: Any) -> Fit:
     """Factor all samples of a source into a few small textures.
 
-    Nothing is held out, as the fit's split says: the verdict judges the fit on the samples that it was made from,
-    turned at random where they are isotropic, and cannot see overfitting. `homofact.evaluation.compare.fit_and_measure`
-    gives an honest error. Bare `Samples`, and arrays of them, leave the fit without a split and take ε for values
-    without noise; pass `epsilon` with measured ones (1e-2 where zeros and noise are to be expected), or `read` them.
+    No samples are held out, and the fit's split records this. The verdict judges the fit on its training samples, so it
+    cannot detect overfitting; isotropic samples are rotated to random azimuths first.
+    `homofact.evaluation.compare.fit_and_measure` measures the error on held-out samples. If you pass bare `Samples` or
+    arrays, the fit has no split, and ε is the value for noise-free data. For measured samples, pass `epsilon` (1e-2 if
+    you expect zeros and noise), or `read` them first.
 
     Parameters
     ----------
-    source : what `homofact.read` returns or takes.
+    source : a source that `homofact.read` returned, or anything that it accepts.
     method : `Search` (the default), `Cole`, `McCool`, `Svd`, `Nmf`, or a model: `Ggx`, `Gaussians`, `Npf`, `Nbrdf`.
     progress : called with a `FitProgress` now and then.
-    settings : those of `Search`, where no method is given.
+    settings : settings of `Search`, if you give no method.
 
     Returns
     -------
@@ -44,7 +45,7 @@ def fit(source: Any, method: Method | None = None, *, progress: ProgressCallback
 
     Raises
     ------
-    BadInput : for what is no source, settings that cannot be meant or that the method does not have.
+    BadInput : for an invalid source, and for settings that are invalid or that the method does not have.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Measuring: which directions a goniometer should measure next, and what the samples so far tell."""
+"""Measuring: choose the directions that a goniometer should measure next, from the samples so far."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -39,21 +39,24 @@ class MeasureResult:
     incidences : tuple of float
         The θi that were chosen, best first; empty for single directions.
     seconds, seconds_unordered : float
-        What the moves take in this order, and in the order of choosing.
+        Time of the moves in seconds, in the order of `angles` and in the order in which the directions were chosen.
     foretold : Foretold
-        The expected error of the estimate by the samples so far.
+        The expected error of the estimate from the samples so far.
     remaining : float
-        The share of its expected squared error that these measurements leave.
+        The share of the expected squared error that remains after these measurements.
     change, change_by_rings : float
-        The expected change of pictures, relative to their light, by these measurements, and by the best three rings.
+        The expected change of rendered pictures, relative to their light: after these measurements, and after the three
+        best rings.
     stop : bool
         Whether `change_by_rings` is below the limit.
     highest : float or None
         The largest θ of the samples in degrees, of light or view. Above it, the estimate follows the prior alone.
     misfit : float
-        How much wider than usual the errors are, because the material is unlike those of the prior; 1 before samples.
+        The factor by which errors are wider than usual because the material differs from those of the prior; 1 without
+        samples.
     estimate : CompletedBrdf
-        The material as the samples and the prior make it, a source for `fit`, `render` and the others.
+        The material estimated from the samples and the prior. You can pass it as a source to `fit`, `render` and the
+        other functions.
     files : list of Path
         What was written.
     """
@@ -107,9 +110,9 @@ def measure(
     force: bool = False,
     progress: Progress | None = None,
 ) -> MeasureResult:
-    """Choose the directions to measure next, from what the samples so far and a prior of materials tell.
+    """Choose the directions to measure next, from the samples so far and a prior of materials.
 
-    Measure them, add the values, and call it again with all samples.
+    Measure these directions, add the values, and call the function again with all samples.
 
     Parameters
     ----------
@@ -118,20 +121,21 @@ def measure(
     directions : int, optional
         How many single directions to choose; 5 unless `incidences` is given.
     incidences : int, optional
-        How many incidences to choose instead, each measured at all views of `Goniometer.ring`.
+        Number of incidence angles to choose instead of single directions. Each is measured at all views of
+        `Goniometer.ring`.
     goniometer : Goniometer or dict, optional
-        Its limits, steps and times. As a dictionary of some of them, or without it, light and detector reach 80°, or as
-        far as the samples.
+        Limits, steps and times of the goniometer; a dictionary sets some of them. Without other limits, light and
+        detector reach 80°, or the largest angle of the samples if this is larger.
     to : path, optional
         A CSV for the directions, with an empty column for each channel. Fill it in and pass it to the next round.
     complete : path, optional
-        A CSV for 12,000 pairs of the completed material, for `factorize` to fit.
+        A CSV file to write, with 12,000 samples of the estimated material, which you can fit with `factorize`.
     channels : sequence of str, optional
-        Names of the empty columns; those of the samples, where there are any.
+        Names of the empty columns. If there are samples, homofact uses their channels.
     stop : float, optional
-        The change of the pictures by three more rings below which measuring may stop.
+        Measuring may stop if three more rings are expected to change the pictures by less than this.
     seed : int, optional
-        Of the pairs of `complete`, and of a choice among more than 2,000 samples.
+        Seed of the pairs in `complete`, and of the subset that is used if there are more than 2,000 samples.
     force : bool, optional
         Replace files that are there.
     progress : callable, optional
@@ -140,7 +144,7 @@ def measure(
     Returns
     -------
     MeasureResult
-        The directions in a short order, the expected error, and whether to stop.
+        The directions in an order with short moves, the expected error, and whether to stop.
 
     Raises
     ------

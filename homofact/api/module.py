@@ -4,9 +4,9 @@
     values = module(wi, wo)  # (..., C) in sr⁻¹, differentiable in directions and parameters
     better = module.to_fit()
 
-A searched projection is held as its unit quaternions, of which the matrix is made at every call: it stays a rotation
-scaled to the texture's square, whatever an optimizer does. A fixed one is held as its matrix, except on coordinates
-that go round (half-angles), where no other matrix can be, and which stays as it is.
+The parameters of a searched projection are its unit quaternions. Every call computes the matrix from them, so it stays
+a rotation scaled to the texture's square, whatever an optimizer does. The parameter of a fixed projection is its
+matrix. On periodic coordinates (half-angles) no other matrix is possible, so there the matrix is not a parameter.
 """
 
 from collections.abc import Sequence
@@ -38,7 +38,7 @@ def _tensor(values: Any) -> Tensor:
 
 
 class ProjectionModule(nn.Module):
-    """Where pairs of directions read one texture: `quaternions` or `matrix` is the parameter."""
+    """The texture coordinates of pairs of directions in one texture; `quaternions` or `matrix` is the parameter."""
 
     matrix: Tensor
     swap: Tensor
@@ -63,7 +63,7 @@ class ProjectionModule(nn.Module):
         self.symmetric = projection.reciprocal and not self.conjugates and not system.periodic and self.bound is None
 
     def rows(self) -> Tensor:
-        """Return the matrix (2, k) that takes coordinates to the texture's square."""
+        """Return the matrix (2, k) that maps coordinates to the texture's square."""
         if self.bound is not None:
             rows = Rotation(self.quaternions).normalized().matrix().T[:2]
             largest = row_bounds(rows, self.projection.system.domain, self.bound)
@@ -80,7 +80,7 @@ class ProjectionModule(nn.Module):
         return tuple(x @ matrix.T for matrix in matrices)
 
     def to_projection(self) -> Projection:
-        """Return the projection as it is now: the fit's own where nothing moved."""
+        """Return the current projection, which is the fit's own if it has not changed."""
         old = self.projection
         rows = _tensor(self.rows())
         if np.allclose(rows, _tensor(old.matrix), rtol=0, atol=1e-15):
@@ -91,7 +91,7 @@ class ProjectionModule(nn.Module):
         return Projection(old.coordinates, rows, old.reciprocal, "trained", warp=old.warp)
 
     def extra_repr(self) -> str:
-        """Return its name, its coordinates and what is special of it."""
+        """Return the projection's name and coordinates, and whether it is reciprocal or warped."""
         more = ["reciprocal"] * self.projection.reciprocal + ["warped"] * (self.width is not None)
         return ", ".join([self.projection.name, self.projection.coordinates, *more])
 
@@ -110,10 +110,10 @@ def _bound_of(projection: Projection) -> str | None:
 
 
 class FitModule(nn.Module):
-    """What `Fit.module` returns. The subclasses evaluate; `fit` is the `homofact.Fit` that it was made of.
+    """Base class of the modules that `Fit.module` returns; `fit` is the original `homofact.Fit`.
 
-    Parameters are in `textures`, one (rows, columns, C) each, and, of a product, in `projections`, which
-    `module.projections.requires_grad_(False)` holds still.
+    `textures` contains one parameter (rows, columns, C) per texture. A product also has parameters in `projections`;
+    call `module.projections.requires_grad_(False)` to freeze them.
     """
 
     def __init__(self, fit: Any, textures: Sequence[Any]) -> None:
@@ -124,8 +124,8 @@ class FitModule(nn.Module):
     def forward(self, wi: Any, wo: Any) -> Tensor:
         """Return BRDF values (..., C) in sr⁻¹ without the cosine; 0 where a direction is below the horizon.
 
-        `wi` and `wo` are unit vectors (..., 3) of shapes that broadcast, on the module's device. Where coordinates
-        have no derivative (a direction along the normal), that by the direction is given as 0.
+        `wi` and `wo` are unit vectors (..., 3) of shapes that broadcast, on the module's device. Where the coordinates
+        have no derivative (a direction along the normal), the gradient with respect to the direction is 0.
         """
         texels = self.textures[0]
         wi, wo = (w if isinstance(w, Tensor) else torch.as_tensor(np.asarray(w)).to(texels) for w in (wi, wo))
@@ -203,7 +203,7 @@ class SumModule(FitModule):
         return total.clamp_min(0)
 
     def to_fit(self) -> Any:
-        """Return a `homofact.Fit` with the texels as they are now, its provenance saying that it was trained."""
+        """Return a `homofact.Fit` with the current texels; its provenance records that it was trained."""
         return type(self.fit)(
             self.summed.with_textures([_tensor(texels) for texels in self.textures], facts=self._facts())
         )

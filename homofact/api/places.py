@@ -1,4 +1,4 @@
-"""Where results go: checked before a long fit, so that an hour's work never meets a closed door."""
+"""Check input and output paths before a long fit, so that it does not fail at the end."""
 
 import os
 from difflib import get_close_matches
@@ -14,7 +14,7 @@ _ROOM = 1 << 18  # bytes: less than any result takes
 
 
 def check_measurement(source: str) -> None:
-    """Refuse a source's file that is missing or cannot be read, before what reads it is loaded. Raises BadInput."""
+    """Raise BadInput if a source's file is missing or unreadable, before the code that reads it is imported."""
     if source.startswith(MATERIAL_PREFIX):
         return
     file, member = split_member(source)
@@ -32,7 +32,7 @@ def check_measurement(source: str) -> None:
 
 
 def check_result(place: Path) -> None:
-    """Refuse a result that is not there, before what opens it is loaded. Raises BadInput."""
+    """Raise BadInput if a saved fit does not exist, before the code that opens it is imported."""
     from homofact.files.archive import saved_file
 
     if str(place).startswith(MATERIAL_PREFIX):
@@ -46,9 +46,9 @@ def check_result(place: Path) -> None:
 
 
 def check_folder(folder: Path, force: bool) -> None:
-    """Refuse a result folder that cannot be made or written, or that holds something without `force`.
+    """Refuse a result folder that cannot be created or written, or that contains files (unless `force`).
 
-    Raises BadInput; leaves nothing behind.
+    Raises BadInput. The check leaves no files behind.
     """
     from homofact.files.folder import check_new_folder
 
@@ -57,14 +57,14 @@ def check_folder(folder: Path, force: bool) -> None:
 
 
 def check_place(folder: Path) -> None:
-    """Refuse a folder for several files that is a file itself or cannot be made or written. Raises BadInput."""
+    """Refuse an output folder that is a file, or that cannot be created or written. Raises BadInput."""
     if folder.exists() and not folder.is_dir():
         raise BadInput("is a file", where=folder, expected="a folder")
     _try_writing(folder, folder.resolve() / "x")
 
 
 def check_file(path: Path, *endings: str) -> None:
-    """Refuse a file that is a folder, has none of the `endings`, or is in a closed place. Raises BadInput."""
+    """Refuse an output file that is a folder, has none of the `endings`, or cannot be written. Raises BadInput."""
     if path.is_dir():
         raise BadInput("is a folder", where=path, expected="a file's name")
     if path.suffix.lower() not in endings:

@@ -10,7 +10,7 @@ from homofact.files.kinds import PLAN
 
 
 def plan_facts(place: Path) -> tuple[str, dict[str, Any], dict[str, Any]] | None:
-    """Return (title, rows for people, the answer) of a plan's folder or its plan.json; None of anything else.
+    """Return (title, readable rows, JSON form) of a plan's folder or its plan.json; None for anything else.
 
     Raises BadInput where plan.json is damaged.
     """
@@ -28,9 +28,9 @@ def plan_facts(place: Path) -> tuple[str, dict[str, Any], dict[str, Any]] | None
 
 
 def plan_entry(place: Path) -> dict[str, Any] | None:
-    """What plan.json holds on the choice in this folder of a plan; None of a folder that is in no plan.
+    """Return plan.json's entry on the choice in this folder, or None if the folder belongs to no plan.
 
-    A plan.json that is damaged counts as none: the choice can be read without it.
+    A damaged plan.json is ignored, because the choice can be read without it.
     """
     from homofact.files.fields import Fields
 

@@ -38,7 +38,7 @@ class PlanResult:
     against : ScenePlan or None
         The plan under the other lighting, if one was given.
     folders : dict or None
-        Where each choice was written, by source; None where nothing was.
+        The folder of each choice, by source; None if nothing was written.
     plot : Path or None
         The figure.
     """
@@ -58,7 +58,7 @@ class PlanResult:
 
     @property
     def missed(self) -> tuple[str, ...]:
-        """Those labels of `verdicts` whose choices miss the tolerance: they are only the closest that was found."""
+        """The labels in `verdicts` whose choices miss the tolerance; these choices are the closest ones found."""
         return tuple(_label(each) for each in self.plan.distinct if each.walk.choice and not each.walk.met)
 
     def record(self) -> dict[str, Any]:
@@ -73,7 +73,7 @@ class PlanResult:
 
 @dataclass(frozen=True)
 class TransportPlan:
-    """The plan of a scene of relighting: how each object's transport is stored.
+    """The plan of a relighting scene: how to store each object's transport.
 
     Attributes
     ----------
@@ -86,7 +86,7 @@ class TransportPlan:
     objects : tuple of ObjectPlan
         The choices for each object.
     notes : tuple of str
-        What was found on the way.
+        Remarks from the planning, in sentences.
     """
 
     scene: str
@@ -145,18 +145,18 @@ def plan(
     plot : path, optional
         A figure of error against bytes (.png, .pdf, .svg).
     against : str, optional
-        A named lighting to plan under too.
+        A second, named lighting, for which homofact also makes a plan.
     tolerance : str, optional
-        A named tolerance that replaces the scene's: "visible" keeps differences that people do not notice.
+        A named tolerance that replaces the scene's: "visible" allows only differences that people do not notice.
     effort : str or int, optional
         How much each search tries: "quick", "normal", "thorough", or a number of inner evaluations.
     budget : float, optional
-        A guard in seconds: ends each search, and the plan is then not reproducible.
+        Time limit of each search in seconds. If a search reaches it, the plan is not reproducible.
     count : int, optional
         Number of pairs of directions to sample from an analytic model.
     strict : bool or float, optional
         Raise `PlanRefused` if a tolerance is missed or a verdict warns; a number is the largest accepted probability of
-        a bad fit. A plan that misses a tolerance is written first, one with a refused fit is not.
+        a bad fit. A plan that misses a tolerance is still written; a plan with a refused fit is not.
     refuse : sequence of str, optional
         Raise `PlanRefused` for a fit with any of these findings.
     force : bool, optional
@@ -167,14 +167,14 @@ def plan(
     Returns
     -------
     PlanResult or TransportPlan
-        The choices; of a scene of relighting, how each object's transport is stored.
+        The choices. For a relighting scene, how to store each object's transport.
 
     Raises
     ------
     BadInput
-        For a scene or sources that cannot be read, and a folder that is taken.
+        For a scene or sources that cannot be read, and a folder that already contains files.
     PlanRefused
-        A `BadInput` with the plan as `result`: for what `strict` and `refuse` reject.
+        If `strict` or `refuse` reject the plan. This is a `BadInput` with the plan as `result`.
 
     Examples
     --------
@@ -248,7 +248,7 @@ def plan(
 
 
 def transport_record(plans: "Sequence[ObjectPlan]") -> dict[str, Any]:
-    """Return the JSON form of the plans of a scene's objects, at least one."""
+    """Return the JSON form of the plans of one or more objects of a scene."""
     return {
         "reflected": plans[0].reflected,
         "objects": [plan.record() for plan in plans],

@@ -1,4 +1,4 @@
-"""What a long call says on its way: one callback for every function of the front.
+"""Progress of a long call: the same callback for every public function.
 
 homofact.compare("paint.brdf", progress=lambda step: print(step.stage, step.done, step.total))
 """
@@ -18,13 +18,12 @@ WORTH_SAYING = 5.0  # seconds that a call may take without saying so
 
 @dataclass(frozen=True)
 class ProgressStep:
-    """Where a call is: the `stage` in words, `done` of `total` parts (None where nobody knows), and `figures` of a fit.
+    """Progress of a call: the `stage` in words, `done` of `total` parts (None if unknown), and `figures` of a fit.
 
-    `left` are the seconds that are expected to be left, 0 or less where it takes longer, None where only the parts
-    tell.
-    A step with a `note` is a sentence for the user, and moves nothing; a `passing` one explains a wait and is of no use
-    afterwards. `task` is the name of a counted stage without its count and its figures: it stays the same from part to
-    part. It is empty where the `stage` itself is the name.
+    `left` is the expected remaining time in seconds. It is 0 or less if the call takes longer than expected, and None
+    if there is no estimate. A step with a `note` contains a message for the user and does not change the progress. If
+    it is `passing`, the message only explains a wait and can be removed afterwards. `task` is the name of a counted
+    stage without its count and figures, so it is the same for all parts. It is empty if `stage` is already the name.
     """
 
     stage: str = ""
@@ -41,7 +40,7 @@ Progress = Callable[[ProgressStep], object]
 
 
 class ProgressSteps:
-    """Makes the steps of one call and hands them to its callback, where there is one."""
+    """Create the steps of one call and pass them to its callback, if there is one."""
 
     def __init__(self, progress: Progress | None = None) -> None:
         """Take the callback."""
@@ -50,7 +49,7 @@ class ProgressSteps:
         self._end: float | None = None  # when the call is expected to end, where a run was given its `left`
 
     def stage(self, name: str, left: float | None = None) -> None:
-        """Begin a stage whose parts are not counted; it is expected to take `left` seconds, where that is known."""
+        """Begin a stage without counted parts, which should take `left` seconds (None if unknown)."""
         self._begin(name, 0, 1)
         self._say(ProgressStep(name, left=left))
 
@@ -64,21 +63,21 @@ class ProgressSteps:
         self._say(ProgressStep(name, passed, passed + left, left=left))
 
     def run(self, name: str, done: int, runs: int, left: float | None = None) -> None:
-        """Begin one of several runs, of which `done` are behind it; the others are to take about `left` seconds."""
+        """Begin the next of several runs after `done` finished ones; the rest should take about `left` seconds."""
         self._begin(f"{done + 1}/{runs} {name}", done, runs, left, name)
         self._say(ProgressStep(self._stage, done, runs, left=left, task=name))
 
     def note(self, text: str, passing: bool = False) -> None:
-        """Say a sentence."""
+        """Pass a message to the callback."""
         self._say(ProgressStep(note=text, passing=passing))
 
     def estimate(self, estimate: "TimeEstimate") -> None:
-        """Say how many fits there are to do and for how long, where that is long enough to be worth knowing."""
+        """Report the number of fits and their expected time, if this is at least `WORTH_SAYING` seconds."""
         if estimate.seconds_left >= WORTH_SAYING:
             self.note(estimate.words())
 
     def warm_up(self) -> None:
-        """Make the compiled kernels ready before a fit is timed, and report it if it took compiling."""
+        """Load the compiled kernels before a fit is timed, and report the time if they had to be compiled."""
         from homofact.linear.normal import warm_up
 
         self.stage("compiling kernels, once per installation")

@@ -1,4 +1,4 @@
-"""Anything that reflects, read as a source to fit, compare and draw: `homofact.read`."""
+"""Reading: `homofact.read` makes a source from a measurement, a material, a reflectance or a function."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -22,17 +22,17 @@ def read(
 
     Parameters
     ----------
-    source : the path of a file, whose content is sniffed; "material:NAME"; `Samples`, or a tuple (wi, wo, values) or
-        (wi, wo, values, weights) of arrays that make them; a `Reflectance`, e.g. a loaded `Fit`; or a function
-        f(wi, wo) of unit vectors (N, 3) with values (N, C) in sr⁻¹.
+    source : the path of a file, whose format is detected from its content; "material:NAME"; `Samples`, or a tuple (wi,
+        wo, values) or (wi, wo, values, weights) of arrays that make them; a `Reflectance`, e.g. a loaded `Fit`; or a
+        function f(wi, wo) of unit vectors (N, 3) with values (N, C) in sr⁻¹.
     channels : "rgb", "luminance", "spectral" or the name of one channel, of a file or a material.
-    count, scheme, seed : how many pairs of directions are drawn of what can be evaluated anywhere, and how ("lobe",
-        "discs", "cosine" or "grid").
-    calibrate : faults of the instrument to undo: the sample's "tilt" (`brdf.quality.tilt`, and `tilt_of_samples` for
-        lists), gains by "rings" and by "rows" (`brdf.quality.gains`), "auto" for a tilt in a whole table where the
-        odds are clear, or "none".
-    clipped : values of so many sr⁻¹ and more, or of the level that is "found", are taken as bounds
-        (`brdf.quality.clipping`). Only measured samples have gains or clipped values.
+    count, scheme, seed : for sources that can be evaluated anywhere: the number of pairs of directions to draw, the
+        sampling scheme ("lobe", "discs", "cosine" or "grid"), and the seed.
+    calibrate : faults of the instrument to correct: the specimen's "tilt" (`brdf.quality.tilt`; for lists of samples
+        `tilt_of_samples`), gains of "rings" and of "rows" (`brdf.quality.gains`), "auto" (a tilt, but only in complete
+        tables and only if the evidence is clear), or "none".
+    clipped : the clipping level in sr⁻¹, or "found" to detect it. Values at or above this level are lower bounds of the
+        true values (`brdf.quality.clipping`). Only measured samples have gains or clipped values.
     dismiss : names of suspicions that `info` has raised and that you have checked, or "all": neither `info` nor a
         verdict raises them again.
 

@@ -1,4 +1,4 @@
-"""Refuse fits by their verdict: `strict` those with a warning, `refuse` those with certain findings."""
+"""Refuse fits by their verdict: `strict` refuses fits with a warning, `refuse` fits with certain findings."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -12,9 +12,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Refusal:
-    """Which fits are refused: those whose score is above a threshold, if `strict`, and those with findings of `names`.
+    """The rules for refusing fits: a score above a threshold, if `strict`, or a finding in `names`.
 
-    `threshold` None is the usual one of the warning.
+    If `threshold` is None, the threshold of the verdict's warning applies.
     """
 
     strict: bool
@@ -23,9 +23,10 @@ class Refusal:
 
     @classmethod
     def of(cls, strict: bool | float, names: Sequence[str]) -> "Refusal":
-        """Return the refusal of options; a number of `strict` is the threshold.
+        """Return the rules for these options; if `strict` is a number, it is the threshold.
 
-        Raises BadInput for one that is no probability, and for a finding that there is not, listing all.
+        Raises BadInput if the threshold is not a probability, and for an unknown finding; the message lists all
+        findings.
         """
         if not isinstance(strict, bool) and not 0 <= strict <= 1:
             raise BadInput(where="strict", found=f"{strict:g}", expected="a probability from 0 to 1")
@@ -40,7 +41,7 @@ class Refusal:
         return cls(strict is not False, None if isinstance(strict, bool) else float(strict), tuple(names))
 
     def first(self, verdicts: "Mapping[str, Verdict | None]") -> BadInput | None:
-        """Return why the first of several fits that is refused is refused; None if all are accepted."""
+        """Return the error of the first refused fit, or None if all fits are accepted."""
         for label, verdict in verdicts.items():
             if verdict is not None:
                 try:
@@ -50,7 +51,7 @@ class Refusal:
         return None
 
     def check(self, verdict: "Verdict", label: str) -> None:
-        """Raise BadInput for a fit that is refused, with why."""
+        """Raise BadInput with the reason if the fit is refused."""
         alarm = verdict.alarm
         if self.strict and alarm.above(self.threshold):
             most = alarm.threshold if self.threshold is None else self.threshold

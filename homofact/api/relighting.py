@@ -1,4 +1,4 @@
-"""Relighting: a scene precomputed for any light of its cameras' surroundings, or one mesh of one material."""
+"""Relighting: precompute a scene, or one mesh with one material, for any environment lighting."""
 
 import os
 import shutil
@@ -81,36 +81,36 @@ def relight(
     material : Reflectance or path, optional
         The mesh's material: a fit, a model, "material:NAME", or a measurement file, which is fitted first.
     to : path, optional
-        The folder of the relit scene, which `homofact view` shows. Nothing is written unless it is given. A run that
-        was stopped goes on where it was.
+        The folder of the relit scene, which `homofact view` shows. Nothing is written unless it is given. If a run was
+        stopped, the same call resumes it.
     vertices : int, optional
-        At how many vertices, and pixels, of each object the error is measured; 0 is none.
+        Number of vertices, and number of pixels, of each object at which the error is measured; 0 measures no error.
     every_stage : bool, optional
         Measure every stage of the error by itself. This takes minutes.
     reference : bool, optional
-        Sum the light of every vertex that the first camera sees in full, for comparison.
+        For comparison, compute the full sum over the light at every vertex that the first camera sees.
     page : bool, optional
-        Also write the folder's page, view.html, on which the sky turns in a browser.
+        Also write the page view.html to the folder, on which you can rotate the sky in a browser.
     force : bool, optional
         Replace a relit scene that is in the folder.
     progress : callable, optional
         Called with a `ProgressStep` on the way.
     **transport
-        Of a mesh: `terms`, `error` or `share` (how many in-out factors), `lobe` ("auto", "separate" or
-        "factored": whether a sharp lobe is summed separately), `light` (which the `error` is under), `map_size`,
-        `cube`, `rays`, `kept`, `tolerance` (as in `relighting.precompute.TransportSettings`), `among`
-        (other meshes, which throw shadows on it), and `folder` (keeps finished blocks for a later run).
+        Settings for a mesh: `terms`, `error` or `share` (they determine the number of in-out factors), `lobe` ("auto",
+        "separate" or "factored": whether a sharp lobe is summed separately), `light` (the lighting for `error`),
+        `map_size`, `cube`, `rays`, `kept`, `tolerance` (as in `relighting.precompute.TransportSettings`), `among`
+        (other meshes, which cast shadows on it), and `folder` (where finished blocks are stored for a later run).
 
     Returns
     -------
     RelightResult or RelitMesh
-        The scene's objects, pictures, errors and report. Or the mesh in the dark: its `relight` takes a light, its
-        `shade` returns the radiance of its vertices towards a point.
+        For a scene: its objects, pictures, errors and report. For a mesh: the mesh without light. Its method `relight`
+        sets the light, and `shade` returns the radiance of its vertices towards a point.
 
     Raises
     ------
     BadInput
-        For what cannot be read, a folder that is taken, and settings that cannot be used.
+        For files that cannot be read, a folder that already contains files, and settings that cannot be used.
     MissingDependency
         Without Embree (the extra `relight`).
 

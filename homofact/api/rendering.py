@@ -35,7 +35,7 @@ class RenderResult:
     caption : str
         Light, exposure, curve and white point in a sentence.
     exposure : float
-        The factor before the curve.
+        The exposure factor, applied before the tone curve.
     tonemap : str
         The curve.
     clipped : float
@@ -84,13 +84,14 @@ def render(
     to : path, optional
         The .png file. Without it the picture is only returned.
     light : (float, float, float), optional
-        Towards a directional light: x right, y up, z to the viewer.
+        Direction towards a directional light: x right, y up, z to the viewer.
     environment : path, optional
-        A lat-long .hdr or .exr that replaces it, or the name of a built-in sky, such as "studio".
+        A lat-long environment map (.hdr or .exr) that replaces the directional light, or the name of a built-in sky,
+        such as "studio".
     exposure : float, optional
         Stops brighter than the automatic exposure.
     tonemap : {"filmic", "srgb"}, optional
-        The curve from light to the picture.
+        The tone curve from radiance to pixel values.
     size : int, optional
         Pixels per side.
     progress : callable, optional

@@ -17,11 +17,11 @@ class ReportResult:
     sweep : Path
         The sweep's folder.
     folder : Path
-        The site's.
+        The folder of the site.
     files, size : int
         How many files it has, and their bytes.
     left_out : str
-        What was not written for want of a library; empty where nothing was.
+        What was not written because a library is missing; otherwise empty.
     facts : dict
         The rest of the JSON form.
     """
@@ -60,7 +60,7 @@ def report(
     sweep : path
         The folder of a sweep.
     to : path
-        The site's folder, which is new.
+        The folder of the site, which must be new (unless `force`).
     against : path, optional
         An earlier sweep: what got better or worse since.
     viewers : bool, optional
@@ -78,7 +78,7 @@ def report(
     Raises
     ------
     BadInput
-        For a folder that holds no sweep, results that were changed, and a folder that is taken.
+        For a folder without a sweep, results that were modified, and a site folder that already contains files.
 
     Examples
     --------

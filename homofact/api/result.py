@@ -1,4 +1,4 @@
-"""What a fit is for a user: one type, from `homofact.fit`, `homofact.load` and a sweep alike.
+"""The type of a fit for users, which `homofact.fit`, `homofact.load` and sweeps return.
 
 fit = homofact.fit("paint.brdf", textures=2)
 values = fit.evaluate(wi, wo)  # tensors, arrays or lists (..., 3), answered in kind
@@ -34,26 +34,26 @@ if TYPE_CHECKING:
 
 
 class Judgement(Protocol):
-    """What was found against a fit: `homofact.evaluation.verdict.verdict.Verdict`, or one read from a report."""
+    """The verdict on a fit: a `homofact.evaluation.verdict.verdict.Verdict`, or a verdict read from a report."""
 
     @property
     def trusted(self) -> bool:
-        """Whether its verdict has no warning, and no picture of it a visible artefact."""
+        """Whether the verdict does not warn, no picture shows a visible artefact, and no error bar is too wide."""
         ...
 
     @property
     def bars(self) -> "ErrorBars | None":
-        """How far it may be off; None where a report of an early version does not say."""
+        """The error bars; None if a report of an early version does not contain them."""
         ...
 
     @property
     def findings(self) -> Sequence[Any]:
-        """What was noted of it."""
+        """The findings of the verdict."""
         ...
 
     @property
     def summary(self) -> str:
-        """In a line."""
+        """The verdict in one line."""
         ...
 
 
@@ -65,8 +65,8 @@ class Fit:
     ----------
     factorization : what is evaluated and saved: a `Factorization`, a `SpectralFit`, a `Separable` or a
         `ModelFit`.
-    report : how the fit was reached; None where nobody noted it.
-    verdict : how far it may be off (`bars`, `trusted`, `findings`, `summary`); None where it was not judged.
+    report : the report of the fit: how it ended and what it cost; None if there is none.
+    verdict : the verdict on the fit (`bars`, `trusted`, `findings`, `summary`); None if the fit was not judged.
     """
 
     factorization: "Fitted"
@@ -96,7 +96,7 @@ class Fit:
 
     @property
     def provenance(self) -> dict[str, Any]:
-        """What it was made from and by (method, seed, settings, version), JSON-able."""
+        """How the fit was made (source, method, seed, settings, version), JSON-able."""
         return self.factorization.provenance
 
     @property
@@ -106,9 +106,10 @@ class Fit:
 
     @property
     def projections(self) -> tuple[dict[str, Any], ...]:
-        """What indexes each term's textures, JSON-able: name, coordinates, matrix, reciprocity, warp, rotation.
+        """The projection of each term, JSON-able: name, coordinates, matrix, reciprocity, warp, rotation.
 
-        A term of a sum of products gives its direction map and what its two sides are indexed by; a model gives none.
+        For a term of a sum of products, this is its direction map and the coordinates of its two sides. A model has
+        none.
         """
         described = self.factorization.describe()
         terms = described.get("terms", [])
@@ -118,7 +119,7 @@ class Fit:
 
     @property
     def evaluation(self) -> Evaluation | None:
-        """How values come from the textures, as plain data; None for a model without textures."""
+        """How to compute values from the textures, as plain data; None for a model without textures."""
         return self.factorization.evaluation
 
     @property
@@ -133,7 +134,7 @@ class Fit:
 
     @property
     def isotropic(self) -> bool:
-        """Whether it is so by its coordinates; a model without textures always is."""
+        """Whether the fit is isotropic because of its coordinates; True for a model without textures."""
         return self.evaluation is None or self.evaluation.isotropic
 
     @cached_property
@@ -148,7 +149,7 @@ class Fit:
 
     @cached_property
     def on_arrays(self) -> OnArrays:
-        """What evaluates NumPy arrays."""
+        """The evaluator for NumPy arrays."""
         if self.evaluation is None:
             model: Any = self.factorization
             return ModelOnArrays(self.channels, model.model)
@@ -175,7 +176,7 @@ class Fit:
 
         Raises
         ------
-        BadInput : for other shapes, what are no real numbers, and tensors on two devices.
+        BadInput : for other shapes, directions that are not real numbers, and tensors on two devices.
 
         Examples
         --------
@@ -194,19 +195,21 @@ class Fit:
 
         Parameters
         ----------
-        quantity : "albedo" (total reflected light, the worst channel), "highlight" (light of the brightest hundredth),
-            "sky" (a sphere's picture under it); also "lamp" if the source can be evaluated.
-        theta : an angle of incidence in degrees: the albedo's error there alone.
+        quantity : "albedo" (total reflected light in the worst channel), "highlight" (light in the brightest 1%), "sky"
+            (a sphere's picture under a sky); also "lamp" (its picture under a lamp) if the source can be evaluated.
+        theta : an angle of incidence in degrees, for the error of the albedo at this angle only.
 
         Returns
         -------
-        The bar: `error` as a share (None where nothing can be promised: `reason` says why), `low` and `high` that the
-        source has over what the fit has, the `rate` of fits for which it holds, `degrees` where it holds, its `kind`.
+        The error bar. `error` is the bound as a share; it is None if homofact can give no bound, and `reason` explains
+        why. `low` and `high` bound the value of the source divided by the fit's value. `rate` is the share of fits for
+        which the bound holds, `degrees` the range of angles for which it holds, and `kind` the evidence on which it is
+        based.
 
         Raises
         ------
-        BadInput : for a fit that was not judged, an unknown quantity, an angle of another one than the albedo, and one
-            that is not from 0 to 90.
+        BadInput : for a fit without a verdict, an unknown quantity, an angle together with a quantity other than the
+            albedo, and an angle outside [0, 90].
 
         Examples
         --------
@@ -229,8 +232,8 @@ class Fit:
     ) -> "Fit":
         """Return the fit with other texels of the same sizes; it has no report and no verdict.
 
-        `grids` are the values that texels of whole numbers can have, and `facts` join the provenance. Raises BadInput
-        for a model without textures.
+        `grids` are the values that quantized texels can have. `facts` are added to the provenance. Raises BadInput for
+        a model without textures.
         """
         return Fit(self.factorization.with_textures(texels, grids, facts))
 
@@ -239,7 +242,7 @@ class Fit:
 
         Parameters
         ----------
-        device, dtype : where the parameters are to be and of which floating type; by default the CPU and float64.
+        device, dtype : the device and the floating-point type of the parameters; by default the CPU and float64.
 
         Returns
         -------
@@ -264,13 +267,13 @@ class Fit:
         return module_of(self, device, dtype)
 
     def describe(self) -> dict[str, Any]:
-        """Return what a manifest says of the fit beside texels and transform, JSON-able."""
+        """Return the description of the fit for a manifest, without texels and transform, JSON-able."""
         return self.factorization.describe()
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the one .npz file that `homofact.load` reads back, with the verdict and how the search ended.
 
-        The seconds of the search are not kept, so that equal fits are equal files. Raises BadInput for an unwritable
+        The time of the search is not saved, so that equal fits give equal files. Raises BadInput for an unwritable
         place.
         """
         record = _record(self)
@@ -303,7 +306,7 @@ class Fit:
 
 @dataclass(frozen=True)
 class RecordedVerdict:
-    """A verdict as a result's report.json has it: `findings` are the records of what was found."""
+    """A verdict read from a result's report.json; `findings` are the records of its findings."""
 
     trusted: bool
     summary: str
@@ -312,12 +315,12 @@ class RecordedVerdict:
     bars: "ErrorBars | None" = None
 
     def record(self) -> dict[str, Any]:
-        """Return what the report says, JSON-able."""
+        """Return the verdict's record from the report, JSON-able."""
         return dict(self.facts)
 
     @classmethod
     def of(cls, record: Any) -> "RecordedVerdict | None":
-        """Return the verdict of a record; None for what is none, as a report of an early version may hold."""
+        """Return the verdict of a record; None if the record is invalid, as in a report of an early version."""
         if not isinstance(record, Mapping) or not isinstance(record.get("trusted"), bool):
             return None
         findings = record.get("findings")
@@ -329,7 +332,7 @@ class RecordedVerdict:
 
 
 def with_record(fit: Fit, record: Mapping[str, Any]) -> Fit:
-    """The fit with the report and the verdict that the report.json of its folder holds; None for what it lacks."""
+    """Return the fit with the report and the verdict from its folder's report.json; missing ones are None."""
     return replace(fit, report=_report(record), verdict=RecordedVerdict.of(record.get("verdict")))
 
 

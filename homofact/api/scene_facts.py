@@ -1,4 +1,4 @@
-"""What is in the folders of scenes: those that `relight` and `edit` wrote."""
+"""The contents of the scene folders that `relight` and `edit` write."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -10,7 +10,7 @@ from homofact.files.kinds import PREPARED, RELIT
 
 
 def scene_facts(place: Path) -> tuple[str, dict[str, Any], dict[str, Any]] | None:
-    """Return (title, rows for people, the answer) of a folder of a scene; None of anything else.
+    """Return (title, readable rows, JSON form) of a scene's folder; None for anything else.
 
     Raises BadInput where the folder's report is missing or damaged.
     """

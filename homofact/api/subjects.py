@@ -1,6 +1,6 @@
-"""What the functions of the front are given: a fit as an object or a place, a source in all the ways that `fit` takes.
+"""Arguments of the public functions: a fit as an object or a path, and a source in every form that `fit` accepts.
 
-What is cheap to refuse is refused before anything is loaded.
+Cheap checks run first, before data and libraries are loaded.
 """
 
 import os
@@ -27,9 +27,9 @@ Place = str | os.PathLike[str]
 
 @dataclass(frozen=True)
 class GivenFit:
-    """A fit that a function was given: in memory, or at a place that is checked but not yet opened.
+    """A fit that was passed to a function: in memory, or at a path that is checked but not yet opened.
 
-    `words` name it in records, `near` are the folders around which its source is looked for.
+    `words` is its name in records. `near` are the folders in which homofact looks for its source.
     """
 
     words: str
@@ -38,7 +38,7 @@ class GivenFit:
 
     @property
     def near(self) -> tuple[Path, ...]:
-        """The folder of the fit, where it has one, and that of its source where a plan names it."""
+        """The folder of the fit, if it has one, and the folder of its source, if a plan names it."""
         if self.place is None:
             return ()
         folder = self.place if self.place.is_dir() else self.place.parent
@@ -48,9 +48,9 @@ class GivenFit:
 
     @property
     def verdict(self) -> dict[str, Any] | None:
-        """Whether its report, its plan or its export trusts the fit, and the verdict in a sentence; None without one.
+        """The verdict from the fit's report, plan or export, as "trusted" and "summary"; None without one.
 
-        The textures of 8 bits in a plan have no report of their own.
+        The 8-bit textures of a plan have no report, so their verdict comes from plan.json.
         """
         if self.place is None:
             own = getattr(self.found, "verdict", None)
@@ -73,7 +73,7 @@ class GivenFit:
 
     @property
     def stored_bytes(self) -> int | None:
-        """The bytes of an export's texels as it stores them; None of any other fit."""
+        """The stored size of an export's texels in bytes; None for any other fit."""
         if self.place is None:
             return None
 
@@ -85,7 +85,7 @@ class GivenFit:
         return found if isinstance(found, int) else None
 
     def open(self) -> "Fitted":
-        """Return the stored representation. Raises BadInput for what is no fit."""
+        """Return the stored fit. Raises BadInput if there is no fit."""
         if self.place is not None:
             from homofact.exporting.result import open_result
 
@@ -94,7 +94,7 @@ class GivenFit:
 
 
 def given_fit(fit: Any) -> GivenFit:
-    """Return a fit as an object, a result's folder or a saved file.
+    """Return the `GivenFit` for an object, a result folder or a saved file.
 
     Raises BadInput for anything else, and a missing file.
     """
@@ -109,7 +109,7 @@ def given_fit(fit: Any) -> GivenFit:
 
 
 def given_source(source: Any) -> Any:
-    """Return a source that may be opened later: text where a place was given, all else as it was. Raises BadInput."""
+    """Check a source without opening it; return a path as text, anything else unchanged. Raises BadInput."""
     if isinstance(source, SourceSettings):
         if source.path is None:
             raise BadInput("none given", where="source", expected="a file or material:NAME")
@@ -127,7 +127,7 @@ def given_source(source: Any) -> Any:
 
 
 def given_method(method: Any, settings: Mapping[str, Any]) -> "Method":
-    """Return a method as an object; `Search` by the settings where none is given. Raises BadInput for anything else."""
+    """Return the method; without one, `Search` with these settings. Raises BadInput for anything else."""
     if method is None:
         return made(Search.name, settings)
     if isinstance(method, type) or not hasattr(method, "fit"):
@@ -141,7 +141,7 @@ def given_method(method: Any, settings: Mapping[str, Any]) -> "Method":
 
 
 def open_given(source: Any, seed: int = 0) -> "Source":
-    """Return the source that `given_source` let through; samples of a model are drawn by `seed`. Raises BadInput."""
+    """Open a source that `given_source` accepted; `seed` draws the samples of a model. Raises BadInput."""
     from homofact.brdf.source import source_of
 
     if isinstance(source, SourceSettings):
@@ -150,7 +150,7 @@ def open_given(source: Any, seed: int = 0) -> "Source":
 
 
 def check_held_out(part: float) -> None:
-    """Raise BadInput for a part that fits cannot be compared on: nothing, everything, or no part at all."""
+    """Raise BadInput if the held-out part is not between 0 and 1, both excluded."""
     if not 0 < part < 1:
         raise BadInput(
             where="held_out",
@@ -162,7 +162,7 @@ def check_held_out(part: float) -> None:
 def reopened_or_why(fitted: "Fitted", source: Any, near: tuple[Path, ...]) -> "Reopened | str":
     """Return the fit's source opened again, or why it cannot be.
 
-    Raises BadInput for a source that is given and not there.
+    Raises BadInput if you give a source that does not exist.
     """
     from homofact.evaluation.reopening import NotReopened, reopen
 
@@ -173,7 +173,7 @@ def reopened_or_why(fitted: "Fitted", source: Any, near: tuple[Path, ...]) -> "R
 
 
 def subset_of(source: Any) -> int:
-    """Return the most samples that a fit of the source is given, by the source's settings; 0 for all."""
+    """Return the maximum number of samples for a fit, from the source's settings; 0 means all."""
     return source.subset if isinstance(source, SourceSettings) else 0
 
 

@@ -1,4 +1,4 @@
-"""Sweeping: every source with every method, on all processors, and every result kept; or all sources in one fit."""
+"""Sweeping: fit every source by every method on all processors and save the results, or fit all sources together."""
 
 import os
 from dataclasses import dataclass
@@ -32,15 +32,15 @@ class SweepResult:
     Attributes
     ----------
     folder : Path
-        Where the results are, and where the same call goes on.
+        The folder of the results, in which the same call resumes the sweep.
     name : str
         The sweep's name.
     rows : list of FitRow
         The figures of every result.
     aside : list of Aside
-        What was set aside for good, and why.
+        The fits that were set aside permanently, with the reasons.
     tasks, done_before, done : int
-        How many fits there are, were done before this call, and are done now.
+        The number of all fits, of the fits done before this call, and of the fits done by this call.
     site : Path or None
         The report's folder, where one was written.
     """
@@ -79,7 +79,7 @@ class TogetherResult:
     Attributes
     ----------
     folder : Path
-        What was written.
+        The output folder.
     kind : str
         "svbrdf" or "basis".
     facts : dict
@@ -109,8 +109,8 @@ def sweep(
 ) -> SweepResult | TogetherResult:
     """Fit many sources by several methods, and keep every result.
 
-    What is done is never done again: the same call goes on after Ctrl-C or a crash. A source whose worker dies twice is
-    set aside and named, as is one that cannot be read.
+    Finished fits are not repeated: after Ctrl-C or a crash, the same call resumes the sweep. The sweep sets aside a
+    source that cannot be read or whose worker process dies twice, and reports it.
 
     Parameters
     ----------
@@ -121,15 +121,15 @@ def sweep(
     workers : int, optional
         Processes on this machine. Default: one for each processor.
     scheduler : str, optional
-        Dask's workers instead: "local", "tcp://HOST:8786", a scheduler's .json file, or MODULE:CLASS of a cluster.
+        Use Dask workers instead: "local", "tcp://HOST:8786", a scheduler's .json file, or MODULE:CLASS of a cluster.
     retry : bool, optional
-        Try again what was set aside.
+        Retry the fits that were set aside.
     svbrdf : bool, optional
-        Take the sources for the clusters of one spatially varying material, with the file's section svbrdf.
+        Treat the sources as the clusters of one spatially varying material, with the section [svbrdf] of the file.
     basis : int, optional
-        Fit one basis of so many textures for all sources.
+        Fit a common basis with this number of textures to all sources.
     site : bool, optional
-        Write the report of the results, as `homofact.report` does without viewers, into the folder report.
+        Also write the report to the subfolder report, like `homofact.report` with `viewers=False`.
     progress : callable, optional
         Called with a `ProgressStep` on the way.
 
@@ -141,7 +141,8 @@ def sweep(
     Raises
     ------
     BadInput
-        For a file or sources that cannot be read, options that exclude each other, and a folder that is another's.
+        For a file or sources that cannot be read, options that exclude each other, and a folder that contains another
+        sweep.
 
     Examples
     --------

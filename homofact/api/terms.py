@@ -25,11 +25,11 @@ class TermsResult:
     source : str
         The source's name.
     count : InOutCount
-        The terms that are predicted and measured.
+        The predicted and the measured number of terms.
     nbytes : int
         Bytes of the measured terms as maps.
     row : ComparisonRow or None
-        The fit beside them, if the call had one.
+        The fit for comparison, if the call had a `method`.
     costs : TermCosts or None
         What the terms and that fit cost.
     """
@@ -65,22 +65,22 @@ def terms(
     source : source or path
         As for `fit`.
     share : float, optional
-        The share of the energy, Σσ², that the terms must hold.
+        The share of the energy, Σσ² over the singular values σ, that the terms must contain.
     limit : float, optional
         The greatest angle from the normal, in degrees.
     method : Method, optional
-        Fit by it too, and compare the costs.
+        A method for a fit to compare the costs with.
     held_out : float, optional
         The part of the samples that is held out of that fit.
     seed : int, optional
-        Of the samples of a model.
+        Seed of a model's samples.
     progress : callable, optional
         Called with a `ProgressStep` on the way.
 
     Returns
     -------
     TermsResult
-        The terms that are predicted from the half-angle curve, and those counted.
+        The number of terms predicted from the half-angle curve, and the number counted in the decomposition.
 
     Raises
     ------

@@ -20,9 +20,9 @@ READERS: Mapping[str, str] = {
 
 
 def toml_facts(place: Path) -> tuple[str, dict[str, Any], dict[str, Any]] | None:
-    """Return (title, rows for people, the answer) of a TOML file; None of anything else.
+    """Return (title, readable rows, JSON form) of a TOML file; None for anything else.
 
-    Raises BadInput where the file cannot be read, and where its tables are those of no kind.
+    Raises BadInput if the file cannot be read, or if its tables belong to no known kind.
     """
     if place.suffix.lower() != SUFFIX or not place.is_file():
         return None

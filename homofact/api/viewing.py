@@ -25,19 +25,20 @@ class ViewResult:
     Attributes
     ----------
     result : str
-        The place of what is shown, "fit" for one in memory.
+        The path of the fit or scene; "fit" for a fit in memory.
     file : Path
         The page.
     size : int
         Its bytes.
     titles : tuple of str
-        Of a fit, the pictures; of a scene, what it shows in words.
+        For a fit, the titles of the pictures. For a scene, its contents in words.
     caution : str
-        Why the page shows the fit alone, or that its errors may be on samples that the fit has seen; empty otherwise.
+        The reason why the page shows only the fit, or a warning that the fit may have seen the samples of its errors;
+        otherwise empty.
     source_found : bool
         Whether the fit's source was found.
     reports : dict of Report
-        How the fits ended that were made for the page, by title.
+        The reports of the fits that were made for the page, by title.
     facts : dict
         The rest of the JSON form.
     """
@@ -75,11 +76,11 @@ def view(
     to : path, optional
         The .html file. Default: view.html in the fit's folder.
     source : path or source, optional
-        What the fit was made from. It is found by itself where it can be.
+        The source of the fit. By default, homofact tries to find it.
     mesh : path, optional
         A mesh (OBJ, PLY, glTF) to show the material on.
     skies : sequence of path, optional
-        Of a relit scene, further skies (.hdr, .exr).
+        Additional skies (.hdr, .exr) for a relit scene.
     force : bool, optional
         Replace a page that is there.
     progress : callable, optional
@@ -152,7 +153,7 @@ def view(
 
 
 def check_page(target: Path, force: bool) -> None:
-    """Refuse a page's place before anything is computed. Raises BadInput."""
+    """Raise BadInput if the page cannot be written, before anything is computed."""
     check_file(target, ".html", ".htm")
     if target.exists() and not force:
         raise BadInput(where=target, found="an existing file", expected=f"a new name or {Advice('force', True)}")

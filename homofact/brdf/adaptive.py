@@ -1,4 +1,4 @@
-"""Any reflectance tabulated in the adaptive parameterization of Dupuy and Jakob (2018), `AdaptiveTable`.
+"""Tabulate any reflectance in the adaptive parameterization of Dupuy and Jakob (2018), as an `AdaptiveTable`.
 
 A microfacet model has f cosθo = F G D(m)/(4σ(ωi)), where F G varies little; the table M of `brdf.rgl` then holds F G.
 The paper derives D from retroreflection, which few measurements cover and few fits reproduce. This module derives D
@@ -51,11 +51,11 @@ def tabulated(
     thetas: int | None = None,
     whole_turn: bool = False,
 ) -> AdaptiveTable:
-    """Return the table of a reflectance: `thetas` slices over θi, each with M of `side`² nodes (`THETAS`, `SIDE`).
+    """Return the table of a reflectance, with `thetas` slices over θi of `side`² nodes each.
 
-    An anisotropic table has slices at 32 azimuths over the whole turn. If values are equal after half a turn, or also
-    after mirroring, it has only the slices in a half or a quarter turn, unless `whole_turn` is set. Raises BadInput for
-    sides or slices below 2.
+    The defaults are in `THETAS` and `SIDE`. An anisotropic table has slices at 32 azimuths over the whole turn. If
+    values are equal after half a turn, or also after mirroring, it has only the slices in a half or a quarter turn,
+    unless `whole_turn` is set. Raises BadInput for sides or slices below 2.
     """
     side, thetas = side or SIDE[isotropic], thetas or THETAS[isotropic]
     if min(side, thetas) < 2:
@@ -83,9 +83,10 @@ def tabulated(
 
 
 def refilled(table: AdaptiveTable, reflectance: Reflectance) -> AdaptiveTable:
-    """Return a table with the nodes, densities and channels of `table` that holds another reflectance.
+    """Return a table with the nodes, densities and channels of `table` and the values of another reflectance.
 
-    Nodes whose viewer lies under the horizon keep what they hold: values next to the horizon are blended with it.
+    Nodes whose viewer is below the horizon keep their old values, because interpolation blends these into values just
+    above the horizon.
     """
     return replace(table, table=_filled(table, reflectance).to(table.table))
 
@@ -109,7 +110,7 @@ def _filled(table: AdaptiveTable, reflectance: Reflectance) -> Tensor:
 
 
 def importance(table: AdaptiveTable) -> Tensor:
-    """Return the sampling weights of the nodes, (F, T, R, C) > 0: the mean of f cosθo dωo over the cell of each node.
+    """Return the sampling weights (F, T, R, C) > 0 of the nodes: f cosθo dωo of each node's cell, scaled to mean 1.
 
     Equal steps of s contain equal shares of the density p of the visible normals in the unit square, so the weight is f
     cosθo · 4 m·ωi dm/du / p with dm/du = 2π² u sinθm. Weights are at least 1% of the mean of their slice, which bounds
@@ -140,9 +141,10 @@ def importance(table: AdaptiveTable) -> Tensor:
 
 
 def relative_differences(source: Reflectance, table: Reflectance, pairs: int) -> tuple[float, float]:
-    """Return (median, 99th percentile) of |table − source|/source, channels' means, at cosine-weighted random pairs.
+    """Return (median, 99th percentile) of |table − source|/source of the channel means at cosine-weighted pairs.
 
-    Values under a thousandth of their mean count as that much, so that zeros do. 0 where the source reflects nothing.
+    The divisor is at least a thousandth of the mean of the source, so values of zero cause no division by zero. Both
+    results are 0 if the source reflects nothing.
     """
     wi, wo = draw_cosine_weighted(pairs, torch.Generator().manual_seed(0))
     wanted, tabled = (reflectance.evaluate(wi, wo).double().mean(1) for reflectance in (source, table))
@@ -154,7 +156,7 @@ def relative_differences(source: Reflectance, table: Reflectance, pairs: int) ->
 
 
 def azimuths(reflectance: Reflectance, whole_turn: bool = False) -> Tensor:
-    """Azimuths (F,) of slices from −π over the whole turn, half of it or a quarter: by the values' symmetry."""
+    """Return the azimuths (F,) of slices from −π over a whole, half or quarter turn, by the values' symmetry."""
     generator = torch.Generator().manual_seed(0)
     u = torch.rand(2, _TURNS, 2, generator=generator, dtype=torch.float64)
     wi, wo = (from_spherical(part[:, 0] * (math.pi / 2), part[:, 1] * (2 * math.pi)) for part in u)

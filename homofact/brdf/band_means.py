@@ -1,8 +1,9 @@
 """Means of a reflectance over the bands of a Klems basis and over the cells of a tensor tree, as daylight programs
 store them.
 
-Both weigh directions by their projected solid angle. The points are a Sobol sequence over both directions' bands; where
-its two halves disagree by more than 1%, as they do near a narrow highlight, sixteen times as many are taken.
+Both means weight directions by projected solid angle and use points of a Sobol sequence over the two directions. The
+error of a Klems mean is half the difference between the means of the two halves of its points. If it exceeds 1%, as
+near a narrow highlight, the mean is recomputed with sixteen times as many points.
 """
 
 import math
@@ -25,7 +26,7 @@ _LOWEST = 1e-4
 
 @dataclass(frozen=True)
 class BandMeans:
-    """A table of means, and how far its two halves of points are apart: the 99th percentile of the relative error."""
+    """A table of means, and the 99th percentile of their relative errors, estimated from two halves of the points."""
 
     table: KlemsTable
     error: float
@@ -38,9 +39,10 @@ def klems_means(
     points: int = POINTS,
     progress: Callable[[int, int], object] | None = None,
 ) -> BandMeans:
-    """Return the means over all pairs of patches; of an `isotropic` material entries of equal |Δφ| are averaged.
+    """Return the means over all pairs of patches; if `isotropic`, average entries of equal θi, θo and |Δφ|.
 
-    `progress` is called with (parts done, parts): half of them are a first pass, half the pairs that need more points.
+    `progress` is called with (parts done, number of parts). The first half of the parts are the first pass, the second
+    half are the pairs that need more points.
     """
     rows, apart = [], []
     light, view = _inside(basis, points)
@@ -73,9 +75,10 @@ def tree_means(
     points: int = 16,
     progress: Callable[[int, int], object] | None = None,
 ) -> Tensor:
-    """The means (side, side, side, C) over cells of the unit cube where `isotropic`, else (side, …, side, C) over four.
+    """Return the means (side, side, side, C) over cells of the unit cube if `isotropic`, else over four dimensions.
 
-    Of three dimensions the half that is no light is 0, and the material is averaged over its azimuth.
+    In three dimensions, values are averaged over the azimuth of the pair, and the half of the cube that no direction of
+    the light reaches is 0. In four, the shape is (side, side, side, side, C).
     """
     draws = torch.quasirandom.SobolEngine(4, scramble=True, seed=1).draw(points, dtype=torch.float64)
     number = side // 2 if isotropic else side * side

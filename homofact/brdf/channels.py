@@ -18,7 +18,7 @@ _RGB = ("R", "G", "B")
 
 
 def check_channels(wanted: str) -> None:
-    """Raise BadInput where `wanted` is no name of `CHANNELS`."""
+    """Raise BadInput unless `wanted` is one of `CHANNELS`."""
     if wanted not in CHANNELS:
         raise BadInput(where="channels", found=repr(wanted), expected=f"one of {', '.join(CHANNELS)}")
 
@@ -111,10 +111,11 @@ def _luminance(rgb: Tensor) -> Tensor:
 
 
 def display_of(channels: Sequence[str]) -> Callable[[Tensor], Tensor] | None:
-    """Return what turns values (N, C) into linear sRGB (N, 3) for a picture; None where they show as they are.
+    """Return a function from values (N, C) to linear sRGB (N, 3) for pictures, or None if none is needed.
 
-    Spectra become sRGB, negative where it leaves the gamut, which the picture clips and counts; one channel
-    shows as grey, and so does the mean of bands that leave out blue or red, which have no colour.
+    The function converts spectra to sRGB. Colours outside the gamut have negative values, which the picture clips and
+    counts. A spectrum without blue or red has no colour, so its mean is shown as grey. A single channel is also shown
+    as grey and needs no function.
     """
     wavelengths = wavelengths_of(channels) if len(channels) > 1 else None
     if wavelengths is None:

@@ -1,8 +1,8 @@
 """CIELAB of tristimulus values and of encoded sRGB, and the CIEDE2000 colour difference (CIE 142-2001).
 
-The formulas are written out here because every fit is judged by them: loading a colour library takes longer than most
-fits. The matrix and the white point are those of sRGB (IEC 61966-2-1, D65), the difference follows Sharma, Wu and Dalal
-2005, "The CIEDE2000 Color-Difference Formula", equations 2 to 22, with parametric factors of 1.
+The formulas are implemented here because homofact judges every fit by them, and loading a colour library takes longer
+than most fits. The matrix and the white point are those of sRGB (IEC 61966-2-1, D65), the difference follows Sharma, Wu
+and Dalal 2005, "The CIEDE2000 Color-Difference Formula", equations 2 to 22, with parametric factors of 1.
 """
 
 import numpy as np
@@ -14,7 +14,7 @@ _EPSILON, _KAPPA = 216 / 24389, 24389 / 27
 
 
 def lab(relative: np.ndarray) -> np.ndarray:
-    """Return L*a*b* (..., 3) of CIE XYZ (..., 3), each over that of the white (CIE 15:2018, 8.2.1)."""
+    """Return L*a*b* (..., 3) of CIE XYZ (..., 3), each divided by the white's (CIE 15:2018, 8.2.1)."""
     bent = np.where(relative > _EPSILON, np.cbrt(relative), (_KAPPA * relative + 16) / 116)
     x, y, z = np.moveaxis(bent, -1, 0)
     return np.stack((116 * y - 16, 500 * (x - y), 200 * (y - z)), -1)
@@ -27,7 +27,7 @@ def lab_of_srgb(encoded: np.ndarray) -> np.ndarray:
 
 
 def ciede2000(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """ΔE00 (...) of two arrays of L*a*b* (..., 3); 1 is about just noticeable."""
+    """Return ΔE00 (...) between two arrays of L*a*b* (..., 3); about 1 is just noticeable."""
     (l1, a1, b1), (l2, a2, b2) = (np.moveaxis(lab, -1, 0) for lab in (first, second))
     mean = ((np.hypot(a1, b1) + np.hypot(a2, b2)) / 2) ** 7
     stretched = 1.5 - 0.5 * np.sqrt(mean / (mean + 25.0**7))

@@ -1,7 +1,8 @@
-"""Colours of reflectance spectra under several illuminants, as CIELAB, and their slopes.
+"""Convert reflectance spectra to CIELAB under several illuminants, and compute the derivatives.
 
-f in sr⁻¹ is compared with the perfect diffuser, whose f is 1/π: π f is a reflectance factor (CIE 15:2018, 5.2), and
-highlights have one above 1. L*a*b* (`cielab`) refer to the illuminant's own white: the observer is adapted to it.
+The reference for f in sr⁻¹ is the perfect diffuser, whose f is 1/π. So π f is a reflectance factor (CIE 15:2018, 5.2),
+which exceeds 1 in highlights. L*a*b* (`cielab`) refer to the white of the illuminant: the observer is assumed to be
+adapted to it.
 """
 
 from collections.abc import Sequence
@@ -23,7 +24,7 @@ def lab_of(spectra: np.ndarray, wavelengths: Sequence[float], illuminant: str) -
 
 
 def lab_of_xyz(xyz: np.ndarray, white: np.ndarray) -> np.ndarray:
-    """Return L*a*b* (..., 3) of CIE XYZ (..., 3) in sr⁻¹, of which the perfect diffuser has `white`/π (3,)."""
+    """Return L*a*b* (..., 3) of CIE XYZ (..., 3) in sr⁻¹; the perfect diffuser has XYZ of `white`/π (3,)."""
     return lab(np.pi * xyz / white)
 
 

@@ -2,8 +2,9 @@
 
 π f = d + s D(θh) F(θd) G(θi) G(θo)/(cosθi cosθo)
 
-a channel each. D has `BINS` bins even in √θh, F and G in θ; a bin's value stands at its centre, between centres it is
-interpolated, and beyond the last ones it stays.
+Each channel has its own constants d and s and its own tables. D has `BINS` bins of equal width in √θh; F and G have as
+many of equal width in θ. A table gives the values at the centres of the bins. Values are interpolated linearly between
+centres, and are constant beyond the outermost ones.
 """
 
 import math
@@ -27,7 +28,7 @@ _AXES = ("theta_h", "theta_d", "theta_i", "theta_o")
 
 @dataclass(frozen=True)
 class FactoredBrdf(AnalyticModel):
-    """The model of the module's head: `table` (2 + 3 BINS, C) holds d, s, then D, G and F.
+    """The model of the module docstring: the rows of `table` (2 + 3 BINS, C) are d, s, D, G and F.
 
     Raises BadInput for other shapes and numbers that are not finite.
     """
@@ -53,7 +54,7 @@ class FactoredBrdf(AnalyticModel):
         return 4
 
     def formula(self, wi: "Tensor", wo: "Tensor") -> "Tensor":
-        """Return the tables at the pair's angles, negative sums cut."""
+        """Return the model's values at the angles of the pairs, with negative values set to 0."""
         parts = _parts(like(self.table, wi))
         low, share = bins_of(wi, wo)
         values = factored_values(parts, low, share)
@@ -62,7 +63,7 @@ class FactoredBrdf(AnalyticModel):
 
 
 def bins_of(wi: "Tensor", wo: "Tensor") -> "tuple[Tensor, Tensor]":
-    """Return (the lower bin, the share of the upper one), (N, 4) each, of θh, θd, θi and θo."""
+    """Return (the lower bin, the weight of the upper bin), (N, 4) each, for θh, θd, θi and θo."""
     angles = axes_of(_AXES, wi, wo) / (math.pi / 2)
     library = namespace(wi)
     theta_h, *others = (angles[:, k] for k in range(len(_AXES)))
@@ -79,7 +80,7 @@ def _parts(table: Any) -> Any:
 
 
 def factored_values(parts: "tuple[Tensor, ...]", low: "Tensor", share: "Tensor") -> "Tensor":
-    """D F G G (N, C) of tables (BINS, C) d, s, D, G, F at places of `bins_of`."""
+    """Return D F G G (N, C) from the parts d, s, D, G and F of a table, at bins from `bins_of`."""
     tables = (parts[2], parts[4], parts[3], parts[3])
     product = None
     for k, table in enumerate(tables):

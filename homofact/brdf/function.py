@@ -1,4 +1,4 @@
-"""A function f(wi, wo) of a user as a reflectance."""
+"""Use a user's function f(wi, wo) as a reflectance."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -19,11 +19,11 @@ _TRIED = ((0.0, 0.0, 1.0), (0.6, 0.0, 0.8))
 
 @dataclass(frozen=True)
 class FunctionReflectance:
-    """What `function` returns for unit vectors wi and wo (N, 3), as a `Reflectance`.
+    """A `Reflectance` that calls `function` with unit vectors wi and wo (N, 3).
 
-    The function gets NumPy arrays of float64, or torch tensors where it fails on arrays, and returns (N, C) or (N,)
-    values in sr⁻¹ without the cosine, above the horizon. Raises BadInput for a function that cannot be called so, and
-    where it returns anything else.
+    The function receives directions above the horizon, as float64 NumPy arrays, or as torch tensors if it fails on
+    arrays. It returns values (N, C) or (N,) in sr⁻¹ without the cosine. Raises BadInput if the function cannot be
+    called in this way or returns anything else.
     """
 
     function: Callable[[Any, Any], Any]
@@ -54,17 +54,17 @@ class FunctionReflectance:
 
     @property
     def nbytes(self) -> int:
-        """0: nobody knows what the function reads."""
+        """0, since the storage that the function reads is unknown."""
         return 0
 
     @property
     def fetches(self) -> int:
-        """0, likewise."""
+        """0, since the lookups of the function are unknown."""
         return 0
 
     @cached_property
     def isotropic(self) -> bool:
-        """Whether values stay the same where both directions turn about the normal, tried at random pairs."""
+        """Whether values stay the same if both directions rotate about the normal, tested at random pairs."""
         return find_symmetry(self).isotropic
 
     @answering_in_kind

@@ -1,6 +1,6 @@
-"""Directions as a caller has them, and values of the same kind: tensors, arrays or lists of any leading shape.
+"""Accept directions as tensors, arrays or lists of any leading shape, and return values of the same kind.
 
-No torch is loaded here: a tensor can only be given where torch is loaded already.
+This module does not import torch: a caller that passes a tensor has already imported it.
 """
 
 import sys
@@ -38,11 +38,11 @@ class Pairs:
 
     @classmethod
     def of(cls, wi: Any, wo: Any) -> "Pairs":
-        """Return directions (..., 3) that broadcast: tensors, arrays, nested lists, or two of these.
+        """Return the pairs of directions (..., 3) that broadcast, each a tensor, an array or a nested list.
 
-        Where one of the two is a tensor both become tensors of its type, on its device. Whole numbers count as
-        float64; half precision is evaluated in float32. Raises BadInput for what are no such directions, and for
-        tensors on two devices.
+        If one of the two is a tensor, the other becomes a tensor of its type on its device. Integers are converted to
+        float64; half precision is evaluated in float32. Raises BadInput for anything that is not such directions, and
+        for tensors on two devices.
         """
         if is_tensor(wi) or is_tensor(wo):
             return cls._of_tensors(wi, wo)
@@ -95,7 +95,7 @@ class Pairs:
 
 
 def answering_in_kind(evaluate: _Evaluate) -> _Evaluate:
-    """Return an `evaluate(self, wi, wo)` of tensors (N, 3) that takes what `Pairs.of` takes and answers in kind."""
+    """Wrap `evaluate(self, wi, wo)` of tensors (N, 3) to accept what `Pairs.of` accepts and return the same kind."""
 
     @wraps(evaluate)
     def wrapped(self: Any, wi: Any, wo: Any) -> Any:

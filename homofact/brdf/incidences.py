@@ -1,10 +1,10 @@
-"""A BRDF tabulated for some angles of incidence, each with a grid of its own: what programs of optical design exchange.
+"""BRDF tables with one grid per angle of incidence, as optical design programs exchange them.
 
-The grid of an incidence is over a polar angle and an azimuth of the viewer, counted from the normal or from the mirror
-direction. Within a grid values are bilinear, and held beyond its last polar angle. Between two incidences the viewer is
-taken at the same place about the mirror direction in both tables, and the values are linear in θi: so a highlight moves
-with the mirror direction instead of fading from one place to another. A table whose viewer would then be under the
-horizon has no say. Beyond the first and last incidences the nearest table is read in this way.
+The axes of a grid are a polar angle and an azimuth of the viewer, counted from the normal or from the mirror direction.
+Values are bilinear within a grid and constant beyond its last polar angle. Between two incidences, both tables are read
+at the same position relative to the mirror direction, and their values are interpolated linearly in θi. So a highlight
+moves with the mirror direction instead of fading from one place to another. If this position is below the horizon in
+one table, that table is ignored. Beyond the first and last incidence, the nearest table is read in the same way.
 """
 
 import math
@@ -39,7 +39,8 @@ class IncidenceTable:
         direction, 0 is the side of the normal.
     values : (P, A, C) in sr⁻¹ without the cosine.
 
-    Raises BadInput where shapes disagree, angles do not rise, and azimuths cover neither a turn nor its half.
+    Raises BadInput if shapes disagree, if angles do not increase, or if the azimuths cover neither a whole turn nor
+    half a turn.
     """
 
     theta_i: float
@@ -77,7 +78,7 @@ class IncidenceTable:
         return TableAxis(self.polar), TableAxis(self.azimuth, periodic=not (closed or self.mirrored))
 
     def at(self, polar: Tensor, azimuth: Tensor) -> Tensor:
-        """Return values (N, C) at angles (N,) in radians, of any turn."""
+        """Return values (N, C) at angles (N,) in radians; azimuths may be outside [0, 2π)."""
         if self.mirrored:
             azimuth = (torch.remainder(azimuth + math.pi, 2 * math.pi) - math.pi).abs()
         else:
@@ -135,7 +136,7 @@ class IncidenceTables:
 
     @property
     def fetches(self) -> int:
-        """Nodes read for one value: four in each of two tables, of two rotations where there are several."""
+        """Nodes read for one value: four in each of two tables, and twice as many if there are several rotations."""
         return 8 if self.isotropic else 16
 
     @answering_in_kind
@@ -196,7 +197,8 @@ class IncidenceTables:
     def nodes(self) -> tuple[Tensor, Tensor, Tensor, Tensor]:
         """Return (wi, wo, values, weights) of the grids' nodes above the horizon: (N, 3), (N, 3), (N, C), (N,).
 
-        Weights are solid angles of light and viewer, mean 1; of a whole ring at polar angle 0 one node is given.
+        Weights are products of the solid angles of light and viewer, scaled to mean 1. All nodes at polar angle 0 have
+        the same direction, so only one of them is returned.
         """
         parts = [self._nodes(table, share) for row in self.tables for table, share in _shares(row)]
         wi, wo, values, weights = (torch.cat(each) for each in zip(*parts, strict=True))
@@ -227,7 +229,7 @@ class IncidenceTables:
 
 
 def directions(table: IncidenceTable, about_mirror: bool) -> Tensor:
-    """Directions of the viewer (P · A, 3) at a grid's nodes in the surface's frame, those under the horizon too."""
+    """Return the viewer's directions (P · A, 3) at all nodes of a grid in the surface frame, also below the horizon."""
     polar, azimuth = (x.reshape(-1) for x in torch.meshgrid(table.polar, table.azimuth, indexing="ij"))
     x, y, z = from_spherical(polar, azimuth).unbind(1)
     if about_mirror:
@@ -239,7 +241,7 @@ def directions(table: IncidenceTable, about_mirror: bool) -> Tensor:
 
 
 def reflected(table: IncidenceTable) -> Tensor:
-    """∫ f cosθo dωo (C,) of a grid about the normal, bilinear and held beyond its last polar angle."""
+    """Return ∫ f cosθo dωo (C,) of a grid about the normal, constant beyond its last polar angle."""
     edges = table.polar.double().clamp(0, math.pi / 2)
     edges = torch.cat((edges.new_zeros(1), edges, edges.new_full((1,), math.pi / 2))).unique()
     nodes, weights = (torch.from_numpy(x) for x in np.polynomial.legendre.leggauss(_POINTS))

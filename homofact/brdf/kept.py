@@ -1,4 +1,4 @@
-"""What is computed of a source, or of samples, once and kept for the next use, as long as the object lives."""
+"""Cache results that are computed from a source or from samples, as long as that object exists."""
 
 import weakref
 from collections.abc import Callable
@@ -8,7 +8,7 @@ Made = TypeVar("Made")
 
 
 class Kept(Generic[Made]):
-    """The results of `make(source)`, one for each source object; an entry goes with its source, keeping none alive."""
+    """A cache of `make(source)` per source object; it drops an entry when its source is deleted."""
 
     def __init__(self, make: Callable[[Any], Made]) -> None:
         self._make = make
@@ -16,7 +16,7 @@ class Kept(Generic[Made]):
         self._found: dict[int, Made] = {}
 
     def of(self, source: Any) -> Made:
-        """Return the result of a source, made on first asking."""
+        """Return the result for a source, computed at the first call."""
         if id(source) not in self._found:
             self._found[id(source)] = self._make(source)
             weakref.finalize(source, self._found.pop, id(source), None)

@@ -1,8 +1,8 @@
-"""A BRDF as WINDOW and Radiance hold it in a matrix: constant over pairs of the patches of an angle basis.
+"""BRDF matrices of WINDOW and Radiance: one constant value per pair of patches of an angle basis.
 
-A basis divides the hemisphere into rings of θ, and each ring into patches of equal azimuth, the first of which has
-azimuth 0 at its middle (Klems 1994; names and bounds as Radiance has them). The patch of the light is that of the
-direction opposite to it in the plane of the surface, so that the mirror direction is in the patch of the same number.
+A basis divides the hemisphere into rings of θ, and each ring into patches of equal width in azimuth. The first patch of
+a ring is centred at azimuth 0 (Klems 1994; names and bounds as in Radiance). The patch number of the light is that of
+its direction rotated by 180° about the normal, so the mirror direction has the same patch number as the light.
 """
 
 import math
@@ -66,7 +66,7 @@ class KlemsBasis:
 
     @cached_property
     def projected(self) -> Tensor:
-        """Projected solid angles (size,) in sr, ∫ cosθ dω, of sum π."""
+        """Projected solid angles ∫ cosθ dω (size,) in sr; their sum is π."""
         edges = torch.cos(torch.tensor(self.bounds, dtype=torch.float64).deg2rad()) ** 2
         return (math.pi * (edges[:-1] - edges[1:]) / torch.tensor(self.counts))[self.rings]
 
@@ -81,7 +81,7 @@ class KlemsBasis:
         return first[ring] + torch.where(place >= counts[ring], 0, place)
 
     def inside(self, across: Tensor, along: Tensor) -> Tensor:
-        """Directions (size, K, 3) within each patch at `across` and `along` (K,) in [0, 1], even in ∫ cosθ dω."""
+        """Map `across` and `along` (K,) in [0, 1] to directions (size, K, 3) in each patch, uniform in cosθ dω."""
         edges = torch.cos(torch.tensor(self.bounds, dtype=torch.float64).deg2rad()) ** 2
         low, high = edges[:-1][self.rings][:, None], edges[1:][self.rings][:, None]
         cosine = torch.sqrt((low + (high - low) * across).clamp(0, 1))
@@ -89,9 +89,9 @@ class KlemsBasis:
         return from_spherical(torch.acos(cosine), 2 * math.pi * (self.places[:, None] + along - 0.5) / count)
 
     def mirrored(self) -> Tensor:
-        """Return the patch (size,) that each becomes where x is turned round.
+        """Return the patch (size,) that each patch becomes if the x axis is reversed.
 
-        Raises BadInput for odd numbers of patches.
+        Raises BadInput if a ring has an odd number of patches greater than 1.
         """
         count = torch.tensor(self.counts)[self.rings]
         if any(n % 2 and n > 1 for n in self.counts):
@@ -99,7 +99,7 @@ class KlemsBasis:
         return torch.arange(self.size) - self.places + torch.remainder(count // 2 - self.places, count)
 
     def middles(self) -> Tensor:
-        """Directions (size, 3) at the middle angles of the patches; of a patch that is a whole cap the normal."""
+        """Return directions (size, 3) at the middle of each patch; the normal for a patch that is a whole cap."""
         bounds = torch.tensor(self.bounds, dtype=torch.float64)
         theta = ((bounds[1:] + bounds[:-1]) / 2)[self.rings]
         count = torch.tensor(self.counts)[self.rings]
@@ -114,15 +114,16 @@ BASES = {basis.name.lower(): basis for basis in (FULL, HALF, QUARTER)}
 
 
 def planar(w: Tensor, flipped: bool) -> Tensor:
-    """Return directions (..., 3) in the axes of a file's side, x to the right seen from Radiance's front and y up.
+    """Return directions (..., 3) in the axes of a file, with x reversed if `flipped`.
 
-    That of a surface's own frame, or `flipped`: seen from the other side, x points the other way.
+    In these axes x points right and y up, seen from Radiance's front. A surface frame on the other side has its x axis
+    reversed: `flipped`.
     """
     return w * w.new_tensor([-1.0, 1.0, 1.0]) if flipped else w
 
 
 def opposite(w: Tensor) -> Tensor:
-    """Return directions (..., 3) with the other azimuth: the mirror directions."""
+    """Return directions (..., 3) rotated by 180° about the normal: the mirror directions."""
     return w * w.new_tensor([-1.0, -1.0, 1.0])
 
 
@@ -150,7 +151,7 @@ class KlemsTable:
 
     @property
     def fetches(self) -> int:
-        """One entry for a value."""
+        """One: the matrix entry."""
         return 1
 
     @answering_in_kind
@@ -188,7 +189,7 @@ class KlemsTable:
         return kind.reshape(-1).unique(return_inverse=True)[1]
 
     def averaged(self) -> "KlemsTable":
-        """Return the table with the mean of all entries of equal θi, θo and |Δφ|, as an isotropic material has them."""
+        """Return an isotropic table: entries of equal θi, θo and |Δφ| are replaced by their mean."""
         kind, count = self._kinds, int(self._kinds.max()) + 1
         flat = self.values.double().reshape(-1, len(self.channels))
         total = torch.zeros(count, len(self.channels), dtype=torch.float64).index_add_(0, kind, flat)
@@ -197,7 +198,7 @@ class KlemsTable:
 
     @cached_property
     def anisotropy(self) -> float:
-        """How far the matrix is from one of |Δφ| alone: the mean difference over the mean, weighted by cosθ dω."""
+        """Mean difference from the `averaged` table over the mean value, weighted by projected solid angles."""
         weights = self.light.projected[:, None] * self.view.projected
         own, mean = (each.values.double().sum(2) for each in (self, self.averaged()))
         total = float((weights * own).sum())
@@ -209,7 +210,7 @@ class KlemsTable:
         return self.anisotropy < _ISOTROPIC
 
     def other_side(self) -> "KlemsTable":
-        """Return the same surface on the other side of a file, whose x points the other way.
+        """Return the table for the other side of a file, where x points the other way.
 
         Raises BadInput for a basis with an odd number of patches in a ring, whose mirror image is another basis.
         """

@@ -1,11 +1,12 @@
 """The log transform that turns a product of textures into a sum (McCool 2001; thesis eq. 1.9, 1.10).
 
-f̃ = log((f + εA)/A), A the mean over the discs of the training samples per channel, and back f = A(exp f̃ − ε), cut at
-zero. The thesis leaves the −εA out to stay positive; with it the round trip is exact wherever the
-exponential exceeds ε, and the cut keeps the result non-negative all the same.
+The transform is f̃ = log((f + εA)/A), where A is the mean of the training samples over the parabolic discs, per
+channel. The inverse is f = A(exp f̃ − ε), clamped to at least 0. The thesis omits −εA to keep values positive. With it,
+the round trip is exact wherever exp f̃ exceeds ε, and the clamp keeps the result non-negative.
 
-A sample that weighs more in that mean than all others together counts as much as these: one glint in a thousand values
-would else lift A until most of the others lie below εA, where logarithms tell nothing apart.
+If one sample contributes more to that mean than all others together, its contribution is reduced to theirs. Otherwise
+one glint among a thousand values could raise A until most other values lie below εA, where their logarithms are nearly
+equal.
 """
 
 from dataclasses import dataclass
@@ -23,9 +24,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class LogTransform:
-    """ε (dimensionless) and A (C,) in sr⁻¹ of one fit, `mean`; never recomputed on test data.
+    """The constants of one fit: ε (dimensionless) and A (`mean`, (C,) in sr⁻¹), never recomputed on test data.
 
-    A is a NumPy array, made of a tensor where one is given.
+    A is a NumPy array; a tensor is converted to one.
     """
 
     epsilon: float
@@ -36,7 +37,7 @@ class LogTransform:
         as_arrays(self, "mean")
 
     def mean_like(self, values: "Tensor") -> "Tensor":
-        """Return a (C,) as a tensor of the type and on the device of `values`."""
+        """Return A (C,) as a tensor of the type and on the device of `values`."""
         import torch
 
         return torch.from_numpy(self.mean).to(values)
@@ -47,10 +48,10 @@ class LogTransform:
 
     @classmethod
     def of(cls, samples: "Samples", epsilon: float) -> "LogTransform":
-        """Return a as the mean of `samples` over the discs (`brdf.pair_density`), whatever scheme they were drawn by.
+        """Return the transform whose A is the mean of `samples` over the discs, for any sampling scheme.
 
-        The largest part of a channel's mean is at most that of all other samples together. Raises BadInput where ε ≤ 0
-        or a channel is zero throughout.
+        No sample contributes more to a channel's mean than all other samples together. Raises BadInput where ε ≤ 0 or a
+        channel is zero throughout.
         """
         if not epsilon > 0:
             raise BadInput(where="epsilon", found=epsilon, expected="above 0")
@@ -68,7 +69,7 @@ class LogTransform:
 
     @classmethod
     def of_values(cls, values: "Tensor", epsilon: float) -> "LogTransform":
-        """A as the plain mean of values (N, C) in sr⁻¹, for interpolating them; a channel of zeros alone stays zero."""
+        """Return the transform whose A is the plain mean of values (N, C) in sr⁻¹, or 1 for channels of zeros."""
         mean = values.mean(0)
         return cls(epsilon, mean.where(mean > 0, mean.new_ones(())))
 
@@ -79,7 +80,7 @@ class LogTransform:
     def inverse(self, logs: "Tensor") -> "Tensor":
         """Return values (N, C) in sr⁻¹, ≥ 0, of logs (N, C).
 
-        Logs above `MOST` count as that, so that texels which ran away (few samples, no smoothing) give absurd
-        values, which the verdict sees, and not infinite ones, which poison every mean.
+        Logs are at most `MOST`. Texels that diverged (few samples, no smoothing) then give very large but finite
+        values. The verdict detects these, while an infinite value would make every mean infinite.
         """
         return self.mean_like(logs) * (logs.clamp_max(MOST).exp() - self.epsilon).clamp_min(0)

@@ -6,17 +6,17 @@ The table is isotropic, over Rusinkiewicz's angles in bins:
     θd   k-th of n bins: (π/2)k/n to (π/2)(k+1)/n
     φd   even bins over [0, π), the other half by reciprocity (φd ~ φd + π); or over [0, 2π)
 
-The entry is raw, and f = raw · scale in sr⁻¹ without the cosine, with scale 1/1500, 1.15/1500 and 1.66/1500
-for red, green and blue; a negative entry was not measured. A bin's value stands at its centre, for θh the
-centre in k: √θh is what is even there.
+The table contains raw numbers: f = raw · scale in sr⁻¹ without the cosine, with scale 1/1500, 1.15/1500 and 1.66/1500
+for red, green and blue. A negative entry was not measured. The value of a bin applies at its centre. For θh this is the
+centre in k, because the bins have equal width in √θh.
 
-How much of the pairs of directions a bin is: at fixed ωi, dωh = dωo/(4 h·ωo), and at fixed h the frame of d
-is a rotation of that of ωi, hence dωi = dωd and
+The measure of a bin follows from two facts. At fixed ωi, dωh = dωo/(4 h·ωo). At fixed h, the frame of d is a rotation
+of the frame of ωi, so dωi = dωd. Hence
 
     dωi dωo = 4 cosθd dωh dωd = 4 cosθd · sinθh dθh dφh · sinθd dθd dφd.
 
 Integrated over a bin and over φh: 2π (cos θh₀ − cos θh₁) · 2 (sin² θd₁ − sin² θd₀) · Δφd, twice that where
-the other half of φd is folded in. Over all bins with both directions above the horizon they add to (2π)².
+the other half of φd is folded in. Over all bins with both directions above the horizon, the measures sum to (2π)².
 """
 
 import math
@@ -42,7 +42,7 @@ _ON_AXIS = 1e-9
 class MerlGrid:
     """The bins: `shape` is their number in (θh, θd, φd).
 
-    φd covers the whole turn where it has four times as many bins as θd (360 beside 90), else half of it.
+    φd covers the whole turn if it has four times as many bins as θd (360 and 90), else half a turn.
     """
 
     shape: tuple[int, int, int] = STANDARD
@@ -54,7 +54,7 @@ class MerlGrid:
 
     @property
     def turn(self) -> float:
-        """What φd covers: π or 2π."""
+        """The range of φd: π or 2π."""
         return 2 * math.pi if self.shape[2] == 4 * self.shape[1] else math.pi
 
     def centres(self) -> tuple[Tensor, Tensor, Tensor]:
@@ -75,7 +75,7 @@ class MerlGrid:
         )
 
     def slabs(self, rows: int = 8) -> Iterator[tuple[slice, Tensor, Tensor]]:
-        """Yield (bins, wi, wo) of `rows` θh at a time: flat bins, and the directions (N, 3) at their centres.
+        """Yield (bins, wi, wo) for `rows` bins of θh at a time: flat bin numbers, and directions (N, 3) at centres.
 
         h is in the xz-plane, wi = Ry(θh) d and wo = Ry(θh) d', d' being d at φd + π. Directions may lie under
         the horizon.
@@ -95,7 +95,7 @@ class MerlGrid:
             yield bins, wi.reshape(-1, 3), wo.reshape(-1, 3)
 
     def place(self, wi: Tensor, wo: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Return where pairs fall, in bins from each axis' start: fractions, k + ½ at the centre of bin k."""
+        """Return the position of each pair along each axis in units of bins; the centre of bin k is at k + ½."""
         theta_h, theta_d, phi_d = _angles(wi, wo)
         h = torch.sqrt(theta_h * (2 / math.pi)) * self.shape[0]
         return h, theta_d * (2 / math.pi) * self.shape[1], torch.remainder(phi_d, self.turn) / self.turn * self.shape[2]
@@ -111,10 +111,11 @@ class MerlGrid:
 class MerlTable:
     """A table as a `Reflectance`: `raw` is (3, θh, θd, φd) in float64, as in the file, negative where not measured.
 
-    `lookup` "linear" is trilinear between the centres of measured bins, φd periodic; of the eight bins those
-    not measured are left out and the others' shares scaled up, and beyond the outermost centres in θ the value
-    is held. "nearest" takes the bin that a pair falls in, as the database's own program does. 0 where nothing
-    was measured. Raises BadInput for another shape or lookup.
+    With `lookup` "linear", values are interpolated trilinearly between the centres of measured bins, periodically in
+    φd. Unmeasured bins among the eight are left out, and the weights of the others are scaled up. Beyond the outermost
+    centres in θ the value is constant. With "nearest", the value is that of the bin that contains the pair, as in the
+    program of the database. The value is 0 if none of these bins was measured. Raises BadInput for another shape or
+    lookup.
     """
 
     raw: Tensor
@@ -134,7 +135,7 @@ class MerlTable:
 
     @property
     def isotropic(self) -> bool:
-        """True: the table knows no azimuth of h."""
+        """True: the table does not depend on the azimuth of h."""
         return True
 
     @property
@@ -155,7 +156,7 @@ class MerlTable:
 
     @cached_property
     def measured(self) -> Tensor:
-        """Bins (θh·θd·φd,) none of whose channels is negative."""
+        """Whether each bin (θh·θd·φd,) was measured, i.e. no channel is negative."""
         return (self.raw >= 0).all(0).reshape(-1)
 
     @answering_in_kind

@@ -1,14 +1,16 @@
-"""A quick smooth interpolation of scattered samples from the nearest of them, for pictures of many thousand pairs.
+"""Interpolate scattered samples smoothly and fast from the nearest samples, for pictures of many thousand pairs.
 
-`brdf.scattered` solves a system for every pair of directions. Here a plane meets the logarithms log((f + εA)/A) of the
-`NEAREST` samples by weighted least squares. A sample counts (1 − r²)², r its distance over that of the farthest of
-them, so that the surface has no steps. A slight ridge holds the plane, since neighbours may lie on one line, and the
-result stays within the values of the neighbours.
+`brdf.scattered` solves a linear system for every pair of directions. This module instead fits a plane to the logarithms
+log((f + εA)/A) of the `NEAREST` samples by weighted least squares. A sample has the weight (1 − r²)², where r is its
+distance divided by the distance of the farthest of these samples; so the result is continuous. A small ridge term
+regularises the plane, since the neighbours may lie on one line. The result stays within the range of the neighbours'
+values.
 
-Samples stand at their `brdf.places`, φd of isotropic ones at the weight `READ_AZIMUTH`.
+Distances are measured in the coordinates of `brdf.places`, where φd of isotropic samples has the weight `READ_AZIMUTH`.
 
-Three further readings of the same samples tell how sure the first one is: by each half of the samples, and by `MORE` of
-them. A pair is beyond the samples where the nearest one is farther off than samples are from each other.
+Three further interpolations show how reliable the first one is: one from each half of the samples, and one from the
+`MORE` nearest samples. A pair is beyond the samples if its nearest sample is farther away than the samples usually are
+from each other (times `FARTHEST`).
 """
 
 from dataclasses import dataclass
@@ -33,7 +35,7 @@ _SEED = 20261124
 
 @dataclass(frozen=True)
 class Interpolated:
-    """Values of scattered samples between them.
+    """Values interpolated between scattered samples.
 
     Attributes
     ----------
@@ -46,7 +48,7 @@ class Interpolated:
 
 
 def interpolated(samples: Samples, epsilon: float, wi: Tensor, wo: Tensor) -> Interpolated:
-    """Return the values of `samples` at pairs of directions (N, 3), by the ε of the logarithm."""
+    """Interpolate `samples` at pairs of directions (N, 3), with `epsilon` as the ε of the logarithm."""
     transform = LogTransform.of_values(samples.values.cpu(), epsilon)
     logs = transform.forward(samples.values.cpu()).numpy()
     above = ((wi[:, 2] >= 0) & (wo[:, 2] >= 0))[:, None]

@@ -1,11 +1,10 @@
 """A small network as a BRDF (Sztrajman, Rainer, Ritschel and Weyrich 2021, section 3): 6 → 21 → 21 → 3.
 
-f = max(0, exp(W2 relu(W1 relu(W0 x + b0) + b1) + b2) − 1), a value a colour channel, in sr⁻¹. The input x is
-(h, d) with the configuration turned about the normal until h lies in the xz-plane: h = (sin θh, 0, cos θh),
-and d is ωi in the frame of h, (e·ωi, s·ωi, h·ωi) with e the direction in which θh grows and s = n × e.
-Swapping ωi and ωo sends (dx, dy) to (−dx, −dy); φd is therefore taken modulo π, as the MERL tables do on
-which the networks were trained, and the value is reciprocal exactly. At h = n, where no azimuth is left, φd
-is 0.
+f = max(0, exp(W2 relu(W1 relu(W0 x + b0) + b1) + b2) − 1), one value per colour channel, in sr⁻¹. The input x is (h, d)
+after both directions are rotated about the normal until h lies in the xz-plane: h = (sin θh, 0, cos θh), and d is ωi in
+the frame of h, (e·ωi, s·ωi, h·ωi), where e is the direction in which θh grows and s = n × e. Swapping ωi and ωo changes
+(dx, dy) to (−dx, −dy). φd is therefore taken modulo π, as in the MERL tables on which the networks were trained, so the
+value is exactly reciprocal. At h = n the azimuth is undefined, and φd is set to 0.
 """
 
 from dataclasses import dataclass

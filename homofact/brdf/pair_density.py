@@ -1,19 +1,22 @@
 """How densely a scheme draws pairs of directions, per steradian of ωi and per steradian of ωo.
 
-Whoever integrates over drawn pairs divides by it: ∫∫ g dωi dωo ≈ mean of g/q. The schemes:
+An integral over drawn pairs divides by this density q: ∫∫ g dωi dωo ≈ mean of g/q. The schemes are:
 
 * discs, grid: each direction uniform in the parabolic disc (du dv = dω/(1 + cosθ)²), q = pd(ωi) pd(ωo) with
-  pd(ω) = 1/(π (1 + cosθ)²). A cut rim, as the thesis's at the radius² `RIM`, makes it larger by a constant.
+  pd(ω) = 1/(π (1 + cosθ)²). If the rim of the discs is cut off, as in the thesis at the squared radius `RIM`, q is
+  larger by a constant factor.
 * cosine: cosθi cosθo/π².
-* lobe: half of the pairs as in the discs out to `RIM`; the others where lobes are, isotropically about the half
-  vector h and the difference vector d. With t uniform in [0, 1] the angle w sinh(t asinh(90°/w)) is uniform up to about
-  w and uniform in its logarithm beyond, so that every decade of a highlight has as many samples. `HIGHLIGHTS` of the
-  pairs have such a θh, from w = 0.05°, with θd uniform; `RETURNS` such a θd, from w = 0.5°, with θh uniform:
-  retro-reflection. Pairs under the horizon are drawn again. From dωi dωo = 4 cosθd dωh dωd
+* lobe: half of the pairs are drawn in the discs out to `RIM`. The others are drawn where lobes are, with uniform
+  azimuths of the half vector h and of the difference vector d. For t uniform in [0, 1], the angle w sinh(t
+  asinh(90°/w)) is uniform up to about w and uniform in its logarithm beyond, so every decade of a highlight has the
+  same number of samples. A share `HIGHLIGHTS` of all pairs has such an angle as θh, with w = 0.05° and a uniform θd. A
+  share `RETURNS` has it as θd, with w = 0.5° and a uniform θh, for retro-reflection. Pairs below the horizon are drawn
+  again. From dωi dωo = 4 cosθd dωh dωd
 
       q = p(θh)/(2π sinθh) · p(θd)/(2π sinθd)/(4 cosθd) / (share of the pairs that are above the horizon).
 
-ε and A of a fit and the Cole error are of the discs, for pairs by lobes too: `over_discs` weighs them for that.
+ε, A and the Cole error of a fit are defined over the discs, also if the pairs are drawn by the scheme `lobe`;
+`over_discs` returns the weights for this.
 """
 
 import math
@@ -35,12 +38,12 @@ _ABOVE = {HIGHLIGHT_WIDTH: 0.9122, RETURN_WIDTH: 0.8785}
 
 
 def scheme_of(samples: Samples) -> str | None:
-    """Return the scheme that the samples say they were drawn by; None for a measurement."""
+    """Return the sampling scheme in the provenance of the samples; None for a measurement."""
     return samples.provenance.get("sampling", {}).get("scheme")
 
 
 def density(scheme: str, wi: Tensor, wo: Tensor) -> Tensor:
-    """q (N,) in sr⁻² of pairs (N, 3) under a scheme of the module's head."""
+    """Return the density q (N,) in sr⁻² of pairs (N, 3) under a scheme of the module docstring."""
     cos_i, cos_o = wi[:, 2], wo[:, 2]
     if scheme == "cosine":
         return cos_i * cos_o / math.pi**2
@@ -83,7 +86,7 @@ def solid_angles(samples: Samples) -> Tensor:
 
 
 def over_discs(samples: Samples) -> Tensor:
-    """Return weights (N,) for means over the discs of pairs that were drawn by lobes; all others count as they are."""
+    """Return weights (N,) for means over the discs; only samples of the scheme `lobe` are reweighted."""
     shares = disc_shares(samples)
     return samples.weights if shares is None else samples.weights * shares
 
@@ -91,7 +94,7 @@ def over_discs(samples: Samples) -> Tensor:
 def disc_shares(samples: Samples) -> Tensor | None:
     """Return the discs' density over that of the scheme lobe (N,), at most 2; None for samples of any other scheme.
 
-    By cosine it has no bound, so those pairs count as they are; a measurement states no density.
+    For the scheme `cosine` the ratio has no bound, and a measurement has no known density, so they are not reweighted.
     """
     if scheme_of(samples) != "lobe":
         return None

@@ -1,12 +1,12 @@
-"""Where pairs of directions lie, so that pairs which a material reflects alike are neighbours.
+"""Coordinates of direction pairs in which pairs with similar reflectance are neighbours.
 
-Highlights follow the half vector h, not the two directions, so distances are measured about it. Angles are in right
-angles, and the root of θh spreads the peak:
+Highlights follow the half vector h, not the two directions, so the coordinates are based on h. Angles are in units of
+90°, and the square root of θh spreads the peak:
 
-* isotropic pairs at (√θh, θd, w φd √θh sinθd), φd folded to [0, 1]: at θh = 0 and at θd = 0 it means nothing, and must
-  keep nothing apart;
-* anisotropic ones at √θh (cos φh, sin φh), θd/2 and θd/10 (cos 2ψ, sin 2ψ), ψ the azimuth of ωi − ωo, of which f
-  depends little. Twice the azimuth is the same for swapped directions.
+* isotropic pairs have the coordinates (√θh, θd, w φd √θh sinθd), with φd folded to [0, 1]. φd is undefined at θh = 0
+  and at θd = 0, so the factors remove it there;
+* anisotropic pairs have √θh (cos φh, sin φh), θd/2 and θd/10 (cos 2ψ, sin 2ψ), where ψ is the azimuth of ωi − ωo, on
+  which f depends little. 2ψ is the same for swapped directions.
 """
 
 import math
@@ -23,9 +23,9 @@ _DIFFERENCE, _TURN = 0.5, 0.1  # weights of θd, and of its azimuth (scripts/acc
 
 
 def half_places(wi: Tensor, wo: Tensor, isotropic: bool, azimuth: float = 1.0) -> Tensor:
-    """Return the places of pairs (N, 3) of an isotropic material, (N, 3), or of an anisotropic one, (N, 5).
+    """Return the coordinates of pairs (N, 3): (N, 3) for an isotropic material, (N, 5) for an anisotropic one.
 
-    `azimuth` is the weight w of φd for isotropic ones; error bars are calibrated with neighbours at 1.
+    `azimuth` is the weight w of φd for isotropic pairs. Error bars are calibrated with w = 1.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""The one interface through which everything asks for reflectance."""
+"""The interface of everything that can be evaluated as a BRDF."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
@@ -43,7 +43,7 @@ class Reflectance(Protocol):
 
 @dataclass(frozen=True)
 class Derived:
-    """What a `Reflectance` made of another has in common with `base`: all but what the subclass says."""
+    """Base class of a `Reflectance` made from another, `base`; it forwards what a subclass does not define."""
 
     base: Reflectance
 
@@ -69,7 +69,7 @@ class Derived:
 
 
 class Exchanged(Derived):
-    """A reflectance with light and viewer exchanged: renderers take the viewer for the incidence of a table."""
+    """A reflectance with light and viewer exchanged, since renderers use the viewer as the incidence of a table."""
 
     @answering_in_kind
     def evaluate(self, wi: "Tensor", wo: "Tensor") -> "Tensor":
@@ -78,7 +78,7 @@ class Exchanged(Derived):
 
 
 def innermost(reflectance: Reflectance) -> Any:
-    """Return what a chain of `Derived` reflectances is made of."""
+    """Return the innermost base of a chain of `Derived` reflectances."""
     inner: Any = reflectance
     while hasattr(inner, "base"):
         inner = inner.base

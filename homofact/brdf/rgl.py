@@ -2,20 +2,20 @@
 
 The table follows a microfacet model fitted to the material: with D the distribution of normals, σ the
 projected area of the facets seen from ωi, and m the half vector, the visible normals reflect towards ωo with
-density D(m)/(4σ(ωi)) (eq. 6 and 7 of the paper, the cosine between ωi and m cancelling). What is stored is
+density D(m)/(4σ(ωi)) (eq. 6 and 7 of the paper, the cosine between ωi and m cancelling). The table stores
 
     M = f(ωi, ωo) cosθo · 4σ(ωi)/D(m)
 
-at nodes that are even in s, the marginal-conditional warp of the visible normals' density: many where the
-material reflects, few where it does not. Hence
+at nodes with equal steps in s, the marginal-conditional warp of the density of visible normals. So there are many nodes
+where the material reflects much and few elsewhere. Hence
 
     f = M(ωi, s(m)) · D(m) / (4σ(ωi) cosθo).
 
-Angles enter the unit square as u = (√(2θ/π), φ/2π + ½). An isotropic table has m's azimuth counted from
-ωi's; an anisotropic one has slices at angles φi as well, over the whole turn, half of it (the rest by
-turning the surface half round) or a quarter (and by mirroring). Tables and densities are linear in θi and φi
-between slices, and held beyond the last. ωi is the direction that the slices belong to, the light's in the
-measurement; nothing makes f reciprocal.
+Angles enter the unit square as u = (√(2θ/π), φ/2π + ½). An isotropic table counts the azimuth of m from that of ωi. An
+anisotropic table also has slices at azimuths φi. These cover the whole turn, half of it (the rest follows by rotating
+the surface by 180°) or a quarter (the rest follows by rotation and mirroring). Tables and densities are linear in θi
+and φi between slices, and constant beyond the last one. ωi is the direction of the slices, which is the light in the
+measurement. f need not be reciprocal.
 """
 
 import math
@@ -56,8 +56,8 @@ class AdaptiveTable:
     jacobian : whether D/(4σ) is still to be multiplied, as in every published file; else M is f cosθo.
     facts : where it comes from (JSON-able), for the provenance of samples.
 
-    Raises BadInput where shapes disagree, angles do not rise, a slice of `vndf` has nothing in it, or the
-    azimuths cover neither the turn nor its half or quarter.
+    Raises BadInput if shapes disagree, angles do not increase, a slice of `vndf` is zero everywhere, or the azimuths
+    cover neither a whole, a half nor a quarter turn.
     """
 
     theta_i: Tensor
@@ -106,7 +106,7 @@ class AdaptiveTable:
 
     @property
     def isotropic(self) -> bool:
-        """Whether the slices know no azimuth: at most two, the rule of the published files."""
+        """Whether the table is isotropic: it has at most two azimuths φi, as in the published files."""
         return len(self.phi_i) <= 2
 
     @property
@@ -116,7 +116,7 @@ class AdaptiveTable:
 
     @property
     def fetches(self) -> int:
-        """Table lookups of one value: D, σ, and the density and M of each slice blended (bilinear ones count one)."""
+        """Table lookups of one value: D, σ, and density and M of each slice (a bilinear lookup counts once)."""
         return 2 * self._blended + (2 if self.jacobian else 0)
 
     @answering_in_kind
@@ -128,7 +128,7 @@ class AdaptiveTable:
         return self.signed(wi, wo).clamp_min(0)
 
     def signed(self, wi: Tensor, wo: Tensor) -> Tensor:
-        """As `evaluate`, with the negative values that the table holds."""
+        """Return the values of `evaluate`, but keep negative values of the table."""
         values = torch.zeros(len(wi), len(self.channels), dtype=wi.dtype, device=wi.device)
         above = ((wi[:, 2] >= 0) & (wo[:, 2] >= 0)).nonzero()[:, 0]
         for rows in above.split(max(1, _CHUNK // len(self.channels))):
@@ -137,7 +137,7 @@ class AdaptiveTable:
         return values
 
     def sample(self, count: int = DEFAULT_COUNT, scheme: str = "discs", seed: int = 0) -> Samples:
-        """Samples drawn as of a model (`sample_model`); provenance["faults"] counts what was negative, and is 0 now.
+        """Return samples from `sample_model`; provenance["faults"] counts negative values, which become 0.
 
         Raises what `sample_model` raises.
         """

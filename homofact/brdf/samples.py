@@ -1,10 +1,9 @@
 """The sample set: pairs of directions with the reflectance measured or computed there.
 
-An isotropic measurement is taken at one azimuth, so a texture indexed by absolute directions is left
-unconstrained nearly everywhere and the fit is meaningless on a rotated object. `azimuth_copies` turns
-the whole configuration about the normal (and mirrors it, where the material is left-right symmetric);
-`rotated_at_random` makes the test set on which every error is measured. Split before copying, or the
-held-out samples are in the training set under another azimuth.
+An isotropic measurement has light from one azimuth. So it leaves a texture indexed by absolute directions unconstrained
+nearly everywhere, and the fit would be meaningless on a rotated object. `azimuth_copies` rotates both directions about
+the normal (and also mirrors them). `rotated_at_random` makes the test set on which every error is measured. Split the
+samples before you copy them; otherwise the training set contains the held-out samples at other azimuths.
 """
 
 from collections.abc import Sequence
@@ -32,7 +31,7 @@ LEAST_WEIGHT, MOST_WEIGHT = 1e-40, 1e40
 class Samples:
     """N samples of a BRDF.
 
-    They are made of NumPy arrays, torch tensors of one device, or nested lists, and hold tensors of float64.
+    Create them from NumPy arrays, torch tensors on one device, or nested lists; they are stored as float64 tensors.
 
     Parameters
     ----------
@@ -190,7 +189,10 @@ class Samples:
         return replace(self, **parts, clipped=clipped)
 
     def to(self, device: Any) -> "Samples":
-        """Return the samples with all tensors on a device, such as "cuda"; themselves where they are there already."""
+        """Return the samples with all tensors on a device, such as "cuda".
+
+        If they are already there, return the same object.
+        """
         if self.wi.device == torch.device(device):
             return self
         names = ("wi", "wo", "values", "weights", "clipped")
@@ -218,7 +220,7 @@ class Samples:
         return self.select(order[held:].sort().values), self.select(order[:held].sort().values)
 
     def subset(self, count: int, seed: int) -> "Samples":
-        """Return at most `count` samples, drawn without replacement by `seed`, in their old order."""
+        """Return at most `count` samples, drawn without replacement by `seed`, in their original order."""
         if count >= len(self):
             return self
         order = torch.randperm(len(self), generator=torch.Generator().manual_seed(seed))
@@ -236,13 +238,13 @@ class Samples:
         return replace(self, wi=turn(self.wi), wo=turn(self.wo))
 
     def azimuth_copies(self, count: int, seed: int, mirrored: bool = True, most: int = MOST_COPIES) -> "Samples":
-        """Return `count` copies of every sample, each at its own azimuth, and mirrored ones beside them.
+        """Return `count` copies of every sample, each at its own azimuth, and mirrored copies.
 
         The azimuths are stratified: copy k of a sample is turned by (k + u)·2π/count with u uniform by
-        `seed`. Weights are divided by the number of copies, so the sum of weights is unchanged. Where that
-        would be more than `most` samples there are fewer copies, and at last one of each sample, at a random
-        azimuth: a million samples (a full MERL table) cover all azimuths as they are. Raises
-        BadInput for anisotropic samples, where a turned copy is a lie.
+        `seed`. Weights are divided by the number of copies, so the sum of weights is unchanged. If this would give more
+        than `most` samples, there are fewer copies, at least one of each sample, at a random azimuth. One is enough for
+        a million samples (a full MERL table), which then cover all azimuths. Raises BadInput for anisotropic samples,
+        for which rotated copies would be wrong.
         """
         if not self.isotropic:
             raise BadInput("the samples are anisotropic", where="azimuth copies", expected="an isotropic material")

@@ -1,8 +1,8 @@
-"""From a model to samples: pairs of directions drawn by a named scheme, and the model's values there.
+"""Sample a model: draw pairs of directions by a named scheme and evaluate the model there.
 
-`lobe` draws half of the pairs in the discs and half where lobes are (`brdf.pair_density`): the default. `discs` is the
-thesis's sampling, uniform where the texels are uniform; `cosine` weighs what a picture sees; `grid` is fixed and needs
-no seed.
+The default, `lobe`, draws half of the pairs in the parabolic discs and half where lobes are (`brdf.pair_density`).
+`discs` is the sampling of the thesis, uniform in the discs like the texels. `cosine` draws pairs with the density that
+matters in a picture. `grid` is a fixed grid and needs no seed.
 """
 
 from typing import Protocol
@@ -36,11 +36,11 @@ def sample_model(
     radius_squared: float = RADIUS_SQUARED,
     noise_free: bool = True,
 ) -> Samples:
-    """Return `count` samples of `model`, weights 1; `noise_free` is what provenance["sampling"] says of its values.
+    """Return `count` samples of `model` with weights 1; provenance["sampling"] records `noise_free`.
 
-    `radius_squared` cuts the rim of the parabolic discs, u² + v² below it, in the scheme `discs` alone. The
-    grid's count is the nearest that a square grid in the discs can give, and `seed` does not touch it.
-    Raises BadInput for an unknown scheme, a count below 1 or a radius outside (0, 1].
+    `radius_squared` limits the parabolic discs to u² + v² below it, only for the scheme `discs`. For `grid`, the count
+    is the nearest to `count` that a square grid in the discs allows, and `seed` has no effect. Raises BadInput for an
+    unknown scheme, a count below 1 or a radius outside (0, 1].
     """
     if scheme not in SCHEMES:
         raise BadInput(where="sampling scheme", found=repr(scheme), expected=f"one of {', '.join(SCHEMES)}")

@@ -1,14 +1,15 @@
-"""A reflectance made of scattered samples, so that a measurement can be drawn and compared like a model.
+"""A reflectance that interpolates scattered samples, so that a measurement can be rendered and compared like a model.
 
 Radial basis functions (thin plates, r² log r with a linear part) interpolate log(f/A + ε), A the mean of the
 samples per channel, over the places of `brdf.places`. Up to `GLOBAL_LIMIT` samples make one smooth surface, more are
 interpolated from the nearest `neighbours`. The result stays within the range of the samples' logs.
 
-Of isotropic samples, what is interpolated is log(f/A + ε) less that of a GGX model with two lobes fitted to them. A
-highlight between two measured rings is then the model's, corrected by what the rings differ from it, where a smooth
-surface alone flattens it: the model need not be right, only its difference from the samples smoother than the samples.
-This difference stays within its range at the samples, so outside the measured angles the result follows the model: a
-highlight grows towards grazing angles, up to `_MOST_BRIGHTER` times the brightest sample.
+For isotropic samples, a GGX model with two lobes is fitted first. The interpolated quantity is then log(f/A + ε) minus
+the same logarithm of the model. So a highlight between two measured rings has the shape of the model, corrected by the
+difference at the rings; without the model, interpolation would flatten it. The model need not be accurate: its
+difference from the samples only has to be smoother than the samples. The interpolated difference stays within its range
+at the samples, so outside the measured angles the result follows the model. A highlight grows towards grazing angles,
+up to `_MOST_BRIGHTER` times the brightest sample.
 
 The misplaced light of isotropic samples is 1.2% (geometric mean of seven materials on three layouts); with φd at its
 full weight everywhere, where a sample at the mirror direction is far from its neighbours, it is 3.3%.
@@ -52,10 +53,10 @@ _LEAST_REFLECTANCE = 0.02
 class Scattered:
     """A `Reflectance` interpolated from `samples`.
 
-    `smoothing` ≥ 0 is scipy's λ: 0 goes through every sample, and fails where two samples fall together.
-    `epsilon` > 0 is the ε of the logarithm, `neighbours` the number read where there are too many samples
-    for one surface. `lobes` ≥ 0 are those of the model of isotropic samples, 0 for no model. Raises BadInput for
-    numbers out of range and for too few samples.
+    `smoothing` ≥ 0 is scipy's λ: 0 interpolates every sample exactly, and fails if two samples coincide. `epsilon` > 0
+    is the ε of the logarithm, `neighbours` the number read where there are too many samples for one surface. `lobes` ≥
+    0 is the number of GGX lobes for isotropic samples; 0 means no model. Raises BadInput for numbers out of range and
+    for too few samples.
     """
 
     samples: Samples
@@ -120,7 +121,7 @@ class Scattered:
 
     @property
     def follows_model(self) -> bool:
-        """Whether a model is followed outside the measured angles."""
+        """Whether values follow a fitted model outside the measured angles."""
         return self._model is not None
 
     def modelled(self, wi: Tensor, wo: Tensor) -> Tensor:
@@ -203,25 +204,25 @@ _KEPT = Kept(lambda samples: Scattered(replace(samples)))
 
 
 def surface_of(samples: Samples) -> Scattered:
-    """Return the interpolation of samples, made once for as long as they live. Raises BadInput for too few."""
+    """Return the interpolation of samples, cached with the samples. Raises BadInput for too few samples."""
     return _KEPT.of(samples)
 
 
 def made_of_samples(reflectance: Reflectance) -> bool:
-    """Return whether it interpolates scattered samples, looking through luminance and single channels.
+    """Return whether a reflectance interpolates scattered samples, also as a luminance or a single channel.
 
-    What it says between and beyond them is then a guess of ours, not of the source.
+    Its values between and beyond the samples are then homofact's interpolation, not data of the source.
     """
     return getattr(innermost(reflectance), "of_samples", False)
 
 
 def models_the_rest(reflectance: Reflectance) -> bool:
-    """Return whether it interpolates scattered samples and follows a model beyond them, looking through as well."""
+    """Return whether a reflectance interpolates scattered samples and follows a model beyond them."""
     inner = innermost(reflectance)
     return isinstance(inner, Scattered) and inner.follows_model
 
 
 def interpolated_samples(reflectance: Reflectance) -> Samples | None:
-    """The samples that it interpolates, looking through luminance and single channels; None where it does not."""
+    """Return the samples that a reflectance interpolates, also as a luminance or a single channel; else None."""
     inner = innermost(reflectance)
     return inner.samples if isinstance(inner, Scattered) else None

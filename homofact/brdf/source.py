@@ -1,4 +1,4 @@
-"""The front door of every command: a path or material:NAME becomes samples and a reflectance."""
+"""Open the input of a command: a path or material:NAME gives samples and a reflectance."""
 
 import math
 import os
@@ -43,10 +43,10 @@ MEASURED_EPSILON = 1e-2
 
 @dataclass(frozen=True)
 class Opening:
-    """How a source is opened: what `open_source` is given, and the working folder that a relative path was of.
+    """The arguments of `open_source`, and the working folder of a relative path.
 
-    Whatever opens a source does so by one of these, and the source keeps it: a fit's split names it, so that the same
-    samples can be had again. `folder` is empty for a material, for an absolute path, and before it was opened.
+    Every source is opened through an `Opening` and stores it. The split of a fit also stores it, so that the same
+    samples can be reproduced. `folder` is empty for a material, for an absolute path, and before the source is opened.
     """
 
     path: str
@@ -61,12 +61,12 @@ class Opening:
 
     @property
     def is_material(self) -> bool:
-        """Whether it is a named material, which is nowhere in the file system."""
+        """Whether the source is a named material rather than a file."""
         return self.path.startswith(MATERIAL_PREFIX)
 
     @one_thread
     def open(self, path: str | None = None) -> "Source":
-        """Return the source; from another `path` where one is given. Raises as `open_source`."""
+        """Open the source, from another `path` if given. Raises as `open_source`."""
         text = self.path if path is None else path
         kind, single = reading_of(self.channels)
         source = _opened(text, kind, self.count, self.scheme, self.seed)
@@ -82,11 +82,11 @@ class Opening:
 class Source:
     """A BRDF to work on.
 
-    `samples` to fit, `reflectance` to draw and compare with: the model itself, or the interpolated measurement. Samples
-    of `kind` "material" and "drawn" (a file that is a reflectance by itself) were drawn at all azimuths, those of
-    "measurement" are where they were measured. `default_epsilon` is the default ε of the log transform; `seconds_read`
-    the wall time of reading or sampling. `opening` is how `open_source` opened it, None for a source put together by
-    hand.
+    homofact fits `samples`, and renders and compares with `reflectance`, which is the model itself or the interpolated
+    measurement. If `kind` is "material" or "drawn" (a reflectance that is defined everywhere), samples were drawn at
+    all azimuths. If it is "measurement", they are at the measured directions. `default_epsilon` is the default ε of the
+    log transform; `seconds_read` the wall time of reading or sampling. `opening` is how `open_source` opened it, None
+    for a source put together by hand.
     """
 
     name: str
@@ -126,9 +126,9 @@ def source_of(
 ) -> Source:
     """Return the source that `given` is or names.
 
-    A path or "material:NAME" is opened as `open_source` does. `Samples`, or a tuple (wi, wo, values) of which they are
-    made, are a measurement. `count` pairs of a `Reflectance`, or of a function f(wi, wo) (`brdf.function`), are drawn
-    by a `scheme`. Raises BadInput for anything else, and as `open_source`.
+    A path or "material:NAME" is opened as `open_source` does. `Samples`, or a tuple (wi, wo, values) to create them
+    from, are treated as a measurement. A `Reflectance`, or a function f(wi, wo) (`brdf.function`), is sampled at
+    `count` pairs drawn by `scheme`. Raises BadInput for anything else, and as `open_source`.
     """
     if isinstance(given, str | os.PathLike):
         drawing = {"count": count, "scheme": scheme, "seed": seed}
@@ -157,7 +157,7 @@ def source_of(
 
 
 def samples_of(given: Any) -> Samples | None:
-    """The samples that a tuple (wi, wo, values) or (wi, wo, values, weights) holds; None for what is no tuple."""
+    """Return the samples in a tuple (wi, wo, values) or (wi, wo, values, weights); None if not a tuple."""
     if not isinstance(given, tuple):
         return None
     if len(given) not in (3, 4):
@@ -212,12 +212,13 @@ def open_source(
     """Return the source that `text` names: material:NAME, or the path of a file whose content is sniffed.
 
     `channels` are "rgb", "luminance", "spectral", or one channel's name ("G", "550nm"). `count`, `scheme` and `seed`
-    are how a material, or a model in a file, is sampled; a measurement has the samples it has. FILE#NAME picks one
+    set how a material, or a model in a file, is sampled; they have no effect on a measurement. FILE#NAME picks one
     material of a file that holds several. `calibrate` and `clipped` repair a measurement (`brdf.quality.mending`);
-    the suspicions `dismiss` of it were checked and are not raised again (`suspicion.dismissal`).
+    `dismiss` names suspicions that you have checked and found wrong, so they are not raised again
+    (`suspicion.dismissal`).
 
-    Raises BadInput for an unknown material, faults of a file, channels that the source does not have, and repairs of a
-    source that is not a list of samples.
+    Raises BadInput for an unknown material, faults of a file, channels that the source does not have, and repairs that
+    this kind of source does not support.
     """
     checked = (dismiss,) if isinstance(dismiss, str) else tuple(dismiss)
     return Opening(text, channels, count, scheme, seed, "", tuple(calibrate), clipped, checked).open()
@@ -248,7 +249,7 @@ def _mended(
 
 
 def with_tilt_looked_at(source: Source) -> Source:
-    """Return a source of scattered samples with the tilt that is seen in them in their provenance.
+    """Return a source of scattered samples with the tilt found in them recorded in their provenance.
 
     Others are returned as they are, and so is a source that was opened without "auto" in `calibrate`.
     """
@@ -292,7 +293,7 @@ def measured_epsilon(samples: Samples) -> float:
     """ε for a measurement: 1e-2, or the scatter of its dark samples (`brdf.quality.scatter`) where that is over twice
     as much.
 
-    At most 0.2: a larger scatter is no floor of dark samples any more.
+    The result is at most 0.2: a larger scatter is not a noise floor of dark samples.
     """
     scatter = local_scatter(samples)
     if scatter is None or scatter.floor <= 2 * MEASURED_EPSILON:
@@ -303,8 +304,8 @@ def measured_epsilon(samples: Samples) -> float:
 def describe(source: Source) -> dict[str, Any]:
     """Return what is in a source, JSON-able: format, units, comments, wavelengths, counts, angles, values, faults.
 
-    `units` says what factors were found and undone, `spread_degrees` is `coverage.spread`, and the faults are
-    those that the reader met, those of the whole (`faults.evaluated_faults`) and the holes (`coverage.holes`).
+    `units` states the unit and the factors that were divided out. `spread_degrees` is `coverage.spread`. The faults are
+    those found by the reader, those of the whole BRDF (`faults.evaluated_faults`), and the holes (`coverage.holes`).
     """
     samples = source.samples
     facts = samples.provenance

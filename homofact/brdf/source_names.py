@@ -1,4 +1,4 @@
-"""The names of channels, schemes and materials, apart from what they do, so that checks and help load no torch."""
+"""The names of channels, schemes and materials, without their code, so that checks and help do not import torch."""
 
 CHANNELS = ("rgb", "spectral", "luminance")
 SCHEMES = ("lobe", "discs", "cosine", "grid")

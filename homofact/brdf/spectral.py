@@ -1,7 +1,7 @@
 """Spectra to linear sRGB and to luminance, with the tables of colour-science.
 
-Those of D65, which nearly all files are read under, are kept in d65.json (scripts/data/make_colour_table.py), since the
-library takes a second to load.
+homofact reads nearly all files under D65. The tables for D65 are stored in d65.json
+(scripts/data/make_colour_table.py), since the library takes a second to load.
 
 A BRDF in sr⁻¹ at each wavelength is weighted by illuminant × colour-matching functions (CIE 15:2018, 7.1)
 on a 1 nm raster of 360–780 nm; between the given wavelengths it is interpolated linearly, beyond them its
@@ -44,7 +44,8 @@ def to_rgb(
 
     Colours outside the gamut have a negative channel: it is set to 0 unless `clip` is false (a picture counts
     and clips what leaves the gamut itself), and facts["clipped"] counts those per channel. Raises BadInput for
-    wavelengths that do not fit, do not rise or leave out blue or red, and for an unknown illuminant.
+    wavelengths that do not match the spectra, do not increase or do not cover blue and red, and for an unknown
+    illuminant.
     """
     weights = _weights(_checked(spectra, wavelengths), illuminant)
     rgb = spectra @ torch.from_numpy(weights[0].copy()).to(spectra)
@@ -114,7 +115,7 @@ class Illuminated(NamedTuple):
 
 @lru_cache(maxsize=8)
 def illuminated(illuminant: str) -> Illuminated:
-    """Return the tables of an illuminant, of D65 as they are kept. Raises BadInput for a name that is none."""
+    """Return the tables of an illuminant, for D65 the stored ones. Raises BadInput for an unknown name."""
     if illuminant != ILLUMINANT:
         return computed(illuminant)
     kept = json.loads(files("homofact.brdf").joinpath("d65.json").read_text(encoding="utf-8"))
@@ -122,7 +123,7 @@ def illuminated(illuminant: str) -> Illuminated:
 
 
 def computed(illuminant: str) -> Illuminated:
-    """Return the tables of an illuminant from colour-science. Raises BadInput for a name that is none."""
+    """Return the tables of an illuminant from colour-science. Raises BadInput for an unknown name."""
     import colour  # about a second to load
 
     # CIE 15 calls the fluorescent lamps FL1 to FL12, most others F1 to F12.

@@ -1,10 +1,10 @@
-"""A smaller sample set that still covers highlight and grazing: drawn by cells, not by chance alone.
+"""Draw a smaller sample set by cells, so that it still covers the highlight and grazing angles.
 
-A dense measurement has most of its samples where little happens. Cells of (√θh, θd, φd), 12 × 6 × 4 with finer
-θh towards the highlight, each give the same number of samples, or all they have where that is fewer. Within
-each cell the drawn ones' weights are scaled up to the sum of all of that cell, so that a fit to the subset
-minimises an estimate of the same objective. Fewer samples than occupied cells make the grid coarser first:
-no cell is left out.
+A dense measurement has most of its samples where the BRDF hardly changes. Each of 12 × 6 × 4 cells of (√θh, θd, φd),
+which are finer in θh towards the highlight, contributes the same number of samples, or all of its samples if it has
+fewer. The weights of the drawn samples of a cell are scaled so that their sum is that of all samples of the cell. A fit
+to the subset then minimises an estimate of the same objective. If `count` is smaller than the number of occupied cells,
+the grid is made coarser first, so that no cell is left out.
 """
 
 from dataclasses import replace
@@ -21,10 +21,10 @@ GRIDS = ((12, 6, 4), (6, 3, 2), (3, 2, 1), (2, 1, 1), (1, 1, 1))
 
 
 def stratified_subset(samples: Samples, count: int, seed: int) -> Samples:
-    """At most `count` of the samples, drawn without replacement by `seed` as the module's head says, in old order.
+    """Return at most `count` samples, drawn by cells without replacement by `seed`, in their original order.
 
-    provenance["subset"] says of how many and by which cells. Samples that are no more than `count` stay as they
-    are. Raises BadInput for a count below 1.
+    provenance["subset"] records the original number of samples and the cells. If there are at most `count` samples,
+    they are returned unchanged. Raises BadInput for a count below 1.
     """
     if count < 1:
         raise BadInput(where="subset", found=count, expected="at least 1 sample")

@@ -6,8 +6,9 @@ them near the mirror direction, where highlights are. A symmetry holds if 95% of
 thousandth.
 
 Reciprocity error. For a reflectance, f(ωi, ωo) and f(ωo, ωi) are compared at cosine-distributed pairs. For samples,
-each sample is compared with the sample nearest to its swapped directions within 1°: an interpolation over coordinates
-that fold the swap would hide the asymmetry. The error is |a − b|/((a + b)/2), with a and b means over the channels.
+each sample is compared with the sample nearest to its swapped directions, within 1°. An interpolation would hide the
+asymmetry, since its coordinates treat swapped pairs as equal. The error is |a − b|/((a + b)/2), with a and b means over
+the channels.
 
 Layout of the samples. Isotropic materials are measured with light from one azimuth; a goniometer's directions lie on
 rings of θ.
@@ -39,7 +40,7 @@ _SAMPLES_ON_A_RING = 8
 
 @dataclass(frozen=True)
 class Symmetry:
-    """Whether f stays the same where pairs are turned, swapped, mirrored at the xz-plane, turned by π."""
+    """Whether f stays the same if both directions are rotated, swapped, mirrored at the xz-plane, or rotated by π."""
 
     isotropic: bool
     reciprocal: bool
@@ -86,7 +87,7 @@ def find_symmetry(reflectance: Reflectance, limit: float = math.pi / 2, seed: in
 
 
 def reciprocity_of(reflectance: Reflectance) -> dict[str, float]:
-    """Median and 95th percentile of the reciprocity error of the module's head, at 2000 pairs."""
+    """Return median and 95th percentile of the reciprocity error (see the module docstring) at 2000 pairs."""
     wi, wo = draw_cosine_weighted(2000, torch.Generator().manual_seed(0))
     one, two = (reflectance.evaluate(*pair).double().mean(1) for pair in ((wi, wo), (wo, wi)))
     return _spread(one, two)
@@ -94,10 +95,10 @@ def reciprocity_of(reflectance: Reflectance) -> dict[str, float]:
 
 @dataclass(frozen=True)
 class Swapped:
-    """N samples (`chosen`, their rows) and for each the one nearest to its swapped place.
+    """N samples (rows `chosen`) and, for each of them, the sample nearest to its swapped directions.
 
-    `tree` holds the places of all N (`here` (N, k)), `nearest` (N,) are numbers among them, `paired` (N,) says where
-    one lies within the limit and the swapped place is another than the sample's own.
+    `tree` contains the coordinates `here` (N, k) of the samples, and `nearest` (N,) their indices in it. `paired` (N,)
+    is true if the nearest sample is within the limit and the swapped pair differs from the sample itself.
     """
 
     chosen: Tensor
@@ -108,9 +109,9 @@ class Swapped:
 
 
 def swapped_neighbours(samples: Samples, seed: int = 0) -> Swapped:
-    """Find the sample within 1° of each sample's swapped place, for at most 20 000 samples drawn by `seed`.
+    """Find the sample within 1° of each sample's swapped directions, for at most 20 000 samples drawn by `seed`.
 
-    Pairs that are their own swapped place (θi = θo within 1°) carry no information and count as not found.
+    Pairs that swapping hardly changes (θi = θo within 1°) carry no information and count as not found.
     """
     chosen = torch.randperm(len(samples), generator=torch.Generator().manual_seed(seed))[:_MOST_SAMPLES]
     wi, wo = samples.wi[chosen], samples.wo[chosen]
@@ -126,7 +127,7 @@ def swapped_neighbours(samples: Samples, seed: int = 0) -> Swapped:
 
 
 def reciprocity_of_samples(samples: Samples) -> dict[str, float] | None:
-    """Return the same of samples against those near their swapped places; None where fewer than ten have one."""
+    """Return the reciprocity error of samples (see the module docstring); None for fewer than ten swapped pairs."""
     swapped = swapped_neighbours(samples)
     paired = swapped.paired
     if int(paired.sum()) < 10:
@@ -136,14 +137,14 @@ def reciprocity_of_samples(samples: Samples) -> dict[str, float] | None:
 
 
 def light_azimuths(isotropic: bool) -> tuple[float, ...]:
-    """Azimuths in radians from which light tells of a material: one where it is isotropic, else along x and along y."""
+    """Return azimuths of the light in radians to test: one for an isotropic material, else along x and along y."""
     return (0.0,) if isotropic else (0.0, math.pi / 2)
 
 
 def ring_numbers(directions: Tensor) -> tuple[Tensor, int] | None:
-    """(ring of each direction from the normal out (N,), how many); None where (N, 3) directions lie on no rings of θ.
+    """Return (ring (N,) of each direction from the normal outwards, number of rings); None without rings of θ.
 
-    That is with fewer than four, or fewer than eight samples on each.
+    There are no rings if fewer than four are found, or if they have fewer than eight samples on average.
     """
     theta = to_spherical(directions)[0]
     angles, rank = torch.unique((theta / RING_WIDTH).round(), return_inverse=True)
@@ -153,7 +154,7 @@ def ring_numbers(directions: Tensor) -> tuple[Tensor, int] | None:
 
 
 def angles_of_pairs(wi: Tensor, wo: Tensor) -> Tensor:
-    """(θi, θo, |Δφ|) in radians (N, 3): all that an isotropic, mirrored material knows of a pair; |Δφ| in [0, π]."""
+    """Return (θi, θo, |Δφ|) (N, 3) in radians, on which an isotropic, mirrored BRDF depends; |Δφ| in [0, π]."""
     (theta_i, phi_i), (theta_o, phi_o) = to_spherical(wi), to_spherical(wo)
     return torch.stack((theta_i, theta_o, torch.cos(phi_i - phi_o).clamp(-1, 1).acos()), 1)
 

@@ -1,4 +1,4 @@
-"""A BRDF tabulated over the angles of both directions, multilinear in between: what most databases hold."""
+"""A BRDF tabulated over the angles of both directions, as in most databases, with multilinear interpolation."""
 
 import math
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ from homofact.geometry.directions import to_spherical
 
 @dataclass(frozen=True)
 class TableAxis:
-    """The nodes (n,) of one angle in radians, rising; `periodic` closes the circle at 2π, else ends are held."""
+    """The increasing nodes (n,) of one angle in radians; values beyond the ends are constant, or wrap if `periodic`."""
 
     nodes: Tensor
     periodic: bool = False
@@ -43,7 +43,7 @@ class AngleTable:
     """A `Reflectance` of `values` in sr⁻¹ without the cosine at the nodes of its axes.
 
     Isotropic: axes θi, θo, |Δφ| in [0, π] and values (θi, θo, Δφ, C). Anisotropic: axes θi, φi, θo, φo and
-    values (θi, φi, θo, φo, C). Multilinear between nodes; beyond the last of an axis its value is held.
+    values (θi, φi, θo, φo, C). Values are multilinear between nodes, and constant beyond the last node of an axis.
     Raises BadInput for shapes that disagree.
     """
 
@@ -101,9 +101,10 @@ class AngleTable:
 
 
 def ring_weights(theta: Tensor) -> Tensor:
-    """Solid angle over 2π of the ring round each θ (n,) of rising nodes in radians, bounded halfway between them.
+    """Return solid angle/2π of the ring around each increasing node θ (n,) in radians, split halfway between nodes.
 
-    The innermost ring reaches the normal, the outermost as far out as in, at most to the horizon.
+    The innermost ring extends to the normal. The outermost ring extends as far outwards as inwards, but at most to the
+    horizon.
     """
     if len(theta) == 1:
         return torch.ones_like(theta)

@@ -1,10 +1,11 @@
 """A BRDF in a tensor tree, Radiance's representation of variable resolution: constant over the leaves of a tree.
 
-A direction is a place in the unit square by the map of Shirley and Chiu (1997), which keeps projected solid angle. A
-tree of four dimensions is over the square of the direction opposite to the light's and that of the viewer; one of three
-dimensions, for what is isotropic, over (1 − sinθi)/2, of which half of the range is used, and the square of the viewer
-turned until the direction opposite to the light's has azimuth 0. A node has 2ⁿ branches, bit i of whose number is the
-half of dimension i, or a grid of values with dimension 0 slowest, as Radiance's bsdf_t.c reads it.
+The map of Shirley and Chiu (1997) maps a direction to a point of the unit square and preserves projected solid angle. A
+tree of four dimensions has two such squares: one for the direction opposite to the light, one for the viewer. A tree of
+three dimensions, for isotropic materials, has (1 − sinθi)/2, of which only half of the range is used, and the square of
+the viewer, rotated until the direction opposite to the light has azimuth 0. A node has 2ⁿ branches or a grid of values.
+Bit i of a branch's number selects the half of dimension i. In a grid, dimension 0 varies slowest, as in Radiance's
+bsdf_t.c.
 """
 
 import math
@@ -75,8 +76,8 @@ class Tree:
 class TensorTree:
     """A `Reflectance` of one tree, Y, or of three: Y and CIE 1976 u' and v'.
 
-    `flipped` says that the surface's x points to the left of the file's axes (`klems.planar`). Raises BadInput for
-    another number of trees, and trees of different dimensions or of neither three nor four.
+    `flipped` is set if the x axis of the surface points to the left in the file's axes (`klems.planar`). Raises
+    BadInput for another number of trees, and trees of different dimensions or of neither three nor four.
     """
 
     trees: tuple[Tree, ...]
@@ -122,7 +123,7 @@ class TensorTree:
 
 
 def places(light: Tensor, view: Tensor, dimensions: int) -> Tensor:
-    """Places (N, dimensions) of directions (N, 3): opposite to the light, and to the viewer, in a file's axes."""
+    """Return tree coordinates (N, dimensions) of the directions opposite to the light and to the viewer (N, 3)."""
     if dimensions == 4:
         return torch.cat((to_square(light[:, :2]), to_square(view[:, :2])), 1)
     radius = torch.hypot(light[:, 0], light[:, 1])
@@ -162,7 +163,7 @@ def from_yuv(yuv: Tensor) -> Tensor:
 
 
 def to_yuv(xyz: Tensor) -> Tensor:
-    """Y and CIE 1976 u' and v' (N, 3) of CIE XYZ (N, 3); of black the colour of D65."""
+    """Return Y and CIE 1976 u' and v' (N, 3) of CIE XYZ (N, 3); black gets the chromaticity of D65."""
     x, y, z = xyz.unbind(1)
     total = x + 15 * y + 3 * z
     black = (total <= 0) | (y <= 0)

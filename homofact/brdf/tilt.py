@@ -13,12 +13,13 @@ the BRDF of the material and f the reported BRDF,
 
 The data determine the tilt as follows:
 
-* g is reciprocal. After rotating the light of the swapped pair back to azimuth 0, this pair was measured with −δ. In
-  the plane of incidence, with signed angles, f(t, s) = g(t + δ, s + δ) and f(s, t) = g(t − δ, s − δ): the highlight
-  lies 2δ off the mirror direction, and flips when light and viewer are swapped. So the correct δ makes g reciprocal.
+* g is reciprocal. If the swapped pair is rotated until its light is at azimuth 0, it looks like a measurement with the
+  tilt −δ. In the plane of incidence, with signed angles, f(t, s) = g(t + δ, s + δ) and f(s, t) = g(t − δ, s − δ): the
+  highlight lies 2δ off the mirror direction, and flips when light and viewer are swapped. So the correct δ makes g
+  reciprocal.
 * An error α of the light's arm and β of the viewer's give f(t, s) = g(t + α, s + β), and f(s, t) = g(t − β, s − α).
-  Only α + β shows: with α = −β the measurement is reciprocal. Errors of the two arms cannot be distinguished from a
-  tilt δ = (α + β)/2, which is corrected.
+  Reciprocity determines only α + β: with α = −β the measurement is reciprocal. Errors of the two arms cannot be
+  distinguished from a tilt δ = (α + β)/2, which is corrected.
 * g is mirrored at the plane of incidence: f at azimuths φ and −φ of the viewer differ only because of η. If a file
   contains averages over both sides, η cannot be determined.
 * If the tilt rotates with the sample, for example on a turntable, R is the same for every pair. For an anisotropic
@@ -44,7 +45,7 @@ from homofact.geometry.directions import normalize, to_spherical
 
 @dataclass(frozen=True)
 class Tilt:
-    """The lean of a sample in radians: `in_plane` is δ, `out_of_plane` η of the module's head."""
+    """The tilt of a specimen in radians: `in_plane` is δ and `out_of_plane` is η of the module docstring."""
 
     in_plane: float
     out_of_plane: float = 0.0
@@ -78,7 +79,7 @@ class Tilt:
 
 @dataclass(frozen=True)
 class Straightened(Derived):
-    """An isotropic measurement `base` with the tilt of its sample undone; `base` keeps what was measured."""
+    """An isotropic measurement with the tilt of its specimen undone; `base` is the measurement as reported."""
 
     tilt: Tilt
 
@@ -99,7 +100,7 @@ class Straightened(Derived):
 
 
 def as_measured(reflectance: Reflectance) -> Reflectance | None:
-    """Return a reflectance with the tilt left in, in the same channels; None where none was undone."""
+    """Return the reflectance before its tilt was undone, in the same channels; None if no tilt was undone."""
     if isinstance(reflectance, Straightened):
         return reflectance.base
     if isinstance(reflectance, OneChannel):

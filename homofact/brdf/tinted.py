@@ -1,8 +1,8 @@
 """A material whose base colour varies over a surface: f = plain + tint · tinted, linear in the colour at each point.
 
-The `tint` of a point is its base colour over the mean one, channel by channel. So `tinted`, what the colour multiplies,
-is that of the mean colour, and where the tint is 1 the two parts add up to the mean material. The parts may be below 0
-where they are what is left of a part without a lobe; they are then summed and never shown alone.
+The `tint` of a point is its base colour divided by the mean base colour, per channel. `tinted` is the part of f that is
+proportional to the base colour, for the mean colour. So with tint 1 the two parts add up to the material with the mean
+colour. A part may be negative if it is a difference of two BRDFs. Only the sum of the parts is rendered.
 """
 
 from dataclasses import dataclass, replace
@@ -16,14 +16,14 @@ from homofact.brdf.reflectance import Derived, Reflectance
 
 @dataclass(frozen=True)
 class Tinted:
-    """A `Reflectance` of two parts of the same channels, as the module's head says; its values are those of tint 1."""
+    """A `Reflectance` with the parts `plain` and `tinted` of the module docstring; its values have tint 1."""
 
     tinted: Reflectance
     plain: Reflectance
 
     @classmethod
     def of(cls, model: MetallicRoughness) -> "Tinted":
-        """glTF's material, its base colour being the mean one."""
+        """Split a glTF material, whose base colour is the mean colour."""
         plain = replace(model, base_colour=(0.0,) * len(model.base_colour))
         return cls(_Difference(model, plain), plain)
 
@@ -65,7 +65,7 @@ class _Difference(Derived):
 
 
 def values_under(reflectance: Reflectance, tint: Tensor | None, wi: Tensor, wo: Tensor) -> Tensor:
-    """Values (N, C) in sr⁻¹ without the cosine; a `tint` (N, C) or (C,) counts where the reflectance is `Tinted`."""
+    """Return values (N, C) in sr⁻¹ without the cosine, under a `tint` (N, C) or (C,) if `Tinted`."""
     if tint is None or not isinstance(reflectance, Tinted):
         return reflectance.evaluate(wi, wo)
     return reflectance.under(tint, wi, wo)

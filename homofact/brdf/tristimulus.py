@@ -1,4 +1,4 @@
-"""CIE XYZ, linear sRGB and spectra of tables: what files of measured light hold beside what homofact works in."""
+"""Convert between CIE XYZ, linear sRGB and spectra, the colours of measurement files and of homofact."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ def from_xyz(xyz: Tensor) -> Tensor:
 
 
 def to_xyz(values: Tensor, channels: Sequence[str]) -> Tensor:
-    """Return CIE XYZ (N, 3) of values (N, C) in linear sRGB or a spectrum; of one channel alone (N, 1), taken as Y.
+    """Return CIE XYZ (N, 3) of linear sRGB or spectra (N, C); a single channel (N, 1) is returned as Y.
 
     Raises BadInput for other channels, and as `spectral.to_rgb`.
     """
@@ -39,7 +39,7 @@ def to_xyz(values: Tensor, channels: Sequence[str]) -> Tensor:
 
 @dataclass(frozen=True)
 class CieY(Derived):
-    """CIE Y of a `Reflectance` in linear sRGB, of a spectrum or of one channel, itself a `Reflectance`."""
+    """A `Reflectance` with the CIE Y of another one in linear sRGB, in a spectrum or in one channel."""
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -56,7 +56,7 @@ class CieY(Derived):
 def spectra_in(
     values: Tensor, wavelengths: Sequence[float], channels: str
 ) -> tuple[Tensor, tuple[str, ...], dict[str, Any]]:
-    """(values (..., C), channel names, facts of the colour) of spectra (..., W) in "rgb", "luminance" or "spectral".
+    """Convert spectra (..., W) to `channels`; return (values (..., C), channel names, facts on the conversion).
 
     Raises BadInput as `spectral.to_rgb`.
     """

@@ -1,13 +1,14 @@
-"""Spectra for linear sRGB, for renderers that want them: a linear basis, so that values above 1 need no care.
+"""Convert linear sRGB to spectra for spectral renderers, with a linear basis that also works for values above 1.
 
 Mallett and Yuksel (2019) give three spectra in [0, 1] that add up to 1 at every wavelength and whose colours under D65
-are the primaries of sRGB: R, G and B are their weights. Any non-negative RGB becomes a non-negative spectrum, grey a
-flat one, and what is linear in RGB, such as interpolation in a table, stays linear.
+are the primaries of sRGB: The spectrum of a colour is their sum with the weights R, G and B. Non-negative RGB gives a
+non-negative spectrum, and grey gives a flat one. Operations that are linear in RGB, such as interpolation in a table,
+stay linear.
 
-They come in 81 steps of 5 nm. Here the spectra are polygons through the 14 wavelengths `NODES`, where they bend most
-(chosen for the least error of all such choices, weighted by what a wavelength adds to RGB; 0.015 RMS). Their values at
-the nodes are changed by the least, in units of the smallest of the three, that makes RGB under D65 come back exactly
-(`brdf.spectral`).
+The published spectra have 81 steps of 5 nm. Here they are piecewise linear between the 14 wavelengths `NODES`, where
+they bend most. This choice of nodes has the smallest error, weighted by the contribution of a wavelength to RGB (0.015
+RMS). The values at the nodes are adjusted as little as possible, relative to the smallest of the three, so that
+conversion to RGB under D65 is exact (`brdf.spectral`).
 """
 
 from functools import lru_cache
@@ -22,9 +23,10 @@ NODES = (380.0, 430.0, 470.0, 485.0, 495.0, 510.0, 570.0, 585.0, 590.0, 595.0, 6
 
 
 def to_spectra(rgb: Tensor) -> Tensor:
-    """Return values (..., 14) at the wavelengths `NODES` of linear sRGB (..., 3), linear between and held beyond them.
+    """Return the spectra (..., 14) of linear sRGB (..., 3) at the wavelengths `NODES`.
 
-    Same unit, sr⁻¹ for a BRDF; `brdf.spectral.to_rgb` under D65 gives the RGB again.
+    Spectra are linear between `NODES` and constant beyond them. Their unit is that of RGB, sr⁻¹ for a BRDF.
+    `brdf.spectral.to_rgb` under D65 returns the same RGB.
     """
     return rgb @ torch.from_numpy(basis().copy()).to(rgb).T
 

@@ -6,11 +6,11 @@ density p (Dupuy and Jakob 2018, section 4) takes u = (x, y) to
 
     s = ( ∫₀ˣ p(x', y) dx' / ∫₀¹ p(x', y) dx',  ∫₀ʸ ∫₀¹ p(x', y') dx' dy' ),
 
-so that equal areas of s bear equal shares of p. p is bilinear between its nodes; the integrals below are
-exact for it.
+so that equal areas of s contain equal shares of p. p is bilinear between its nodes, and the integrals in this module
+are exact for it.
 
-Both are compiled: a measurement is asked some millions of times before it is fitted, and each look-up in tensors would
-write and read a dozen arrays.
+Both are compiled (numba): a measurement is evaluated some million times before it is fitted, and each lookup with
+tensor operations would write and read a dozen arrays.
 """
 
 from dataclasses import dataclass
@@ -26,9 +26,9 @@ _ALMOST = 1e-12
 
 
 def bilinear(table: Tensor, u: Tensor, slices: Tensor | None = None, weights: Tensor | None = None) -> Tensor:
-    """Values (N, ...) in float64 at u (N, 2) of a table (R, C, ...), or of table `slices` (N,) of (P, R, C, ...).
+    """Return values (N, ...) in float64 at u (N, 2) of a table (R, C, ...), or of (P, R, C, ...) at `slices` (N,).
 
-    With `slices` (N, K) the sum over K tables by `weights` (N, K).
+    With `slices` (N, K), the result is the sum over K tables with `weights` (N, K).
     """
     if slices is None:
         table, slices = table[None], torch.zeros(len(u), dtype=torch.long, device=u.device)
@@ -66,9 +66,9 @@ class MarginalConditional:
         return cls(density / whole[..., None], along / whole[..., None], along[..., -1] / whole, up / whole)
 
     def invert(self, u: Tensor, slices: Tensor, weights: Tensor) -> Tensor:
-        """s (N, 2) of u (N, 2) under the blend of the densities `slices` (N, K) by `weights` (N, K).
+        """Return s (N, 2) for u (N, 2), for the mix of the densities `slices` (N, K) with `weights` (N, K).
 
-        A row without any density keeps its x: there is nothing that it could be spread by.
+        In a row whose density is zero everywhere, x is unchanged.
         """
         out = np.zeros((len(u), 2))
         arrays = (_array(each) for each in (self.density, self.along, self.marginal, self.up))
@@ -76,9 +76,9 @@ class MarginalConditional:
         return torch.from_numpy(out).to(u.device)
 
     def sample(self, s: Tensor, number: int) -> Tensor:
-        """u (N, 2) of s (N, 2) in the unit square under density `number` alone: `invert` undone.
+        """Return u (N, 2) for s (N, 2) in the unit square, for the density `number`: the inverse of `invert`.
 
-        Where nothing lies before the first or behind the last point with density, that point is the answer.
+        The result is never before the first or after the last point with a density above 0.
         """
         _, rows, columns = self.density.shape
         below = s.clamp(0, 1 - _ALMOST)

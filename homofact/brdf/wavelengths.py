@@ -28,7 +28,7 @@ def wavelengths_of(channels: Sequence[str]) -> tuple[float, ...] | None:
 def colour_wavelengths(wavelengths: Sequence[float], instead: str = _INSTEAD) -> tuple[float, ...]:
     """Wavelengths in nm from which a colour can be computed: at least two, rising, from blue to red.
 
-    Raises BadInput for others; `instead` says what to do where they leave out blue or red.
+    Raises BadInput for others; if they do not cover blue and red, the message includes the advice `instead`.
     """
     given = tuple(float(w) for w in wavelengths)
     if len(given) < 2:

@@ -14,8 +14,8 @@ peak; cosθh below 1e-6 counts as 1e-6, as in `brdf.analytic`.
 
 so that tan²θx + tan²θy = tan²θh and Ward's Gaussian of slopes is a function of θx times one of θy.
 
-`chord_at` gives 2 sin(γ/2) of the same to compiled code, which asks for directions of light under the horizon too: what
-is beyond π/2 belongs to the last band.
+`chord_at` gives 2 sin(γ/2) of the same to compiled code, which also evaluates directions of light below the horizon.
+Angles beyond π/2 count to the last band.
 """
 
 import math
@@ -39,7 +39,7 @@ PEAKED = ("theta_h", "gamma_alpha", "gamma_beta", "theta_r", "theta_x", "theta_y
 
 
 def check_angle(name: str) -> None:
-    """Raise BadInput, which lists the names, for one that is no angle."""
+    """Raise BadInput, which lists the names of angles, for any other name."""
     if name not in ANGLES:
         raise BadInput(where="angle", found=repr(name), expected=f"one of {', '.join(ANGLES)}")
 
@@ -83,7 +83,8 @@ def chord_at(
 ) -> float:  # pragma: no cover (compiled)
     """2 sin(γ/2) = √(2 − 2 cosγ) of the light's direction (x, y, z) and the viewer's (ox, oy, oz), unit.
 
-    γ by its number in `ANGLES`; between two directions it is how far their ends are apart.
+    `kind` is the index of γ in `ANGLES`. For an angle between two unit vectors, the chord is the distance of their
+    ends.
     """
     if kind == 2:
         return np.sqrt(max(2 - 2 * z, 0.0))

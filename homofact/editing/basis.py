@@ -2,8 +2,8 @@
 
 Rows are pixels. Columns are bands or pairs of bands, each scaled by its coefficient in the start curves (at least
 `FLOOR` of the largest). A picture is then a row times the relative change of the curves, ρ = c c'/start. The first
-numbers are s = row · Z, where Z is the ρ of the start curves. Pictures of the start curves, and of a curve scaled by a
-constant, therefore have only rounding errors. In other edits, only the change itself is approximated.
+numbers stored per pixel are s = row · Z, where Z is the ρ of the start curves. Pictures of the start curves, and of a
+curve scaled by a constant, therefore have only rounding errors. In other edits, only the change itself is approximated.
 
 The rest is row (1 − Z U), where U is the least-squares fit of the rows by s. Only its response to smooth changes
 matters: rest · G, where G is a blur over `SMOOTH` of [0, π/2] plus a small share of the identity. The right singular
@@ -34,9 +34,9 @@ _COLUMNS = 1024
 
 @dataclass(frozen=True)
 class Basis:
-    """`inward` (J·K, r) makes a of rows and `outward` W (r, J·K) rows of a, float32.
+    """`inward` (J·K, r) maps a row to its a, and `outward`, W (r, J·K), maps a to the row, both float32.
 
-    `scale` (C, J·K) is what columns were multiplied by; `reached` the worst trial edit's relative RMS.
+    `scale` (C, J·K) has the factors of the columns. `reached` is the relative RMS error of the worst trial edit.
     """
 
     inward: np.ndarray
@@ -71,14 +71,14 @@ def scale_of(curves: Sequence[Tensor]) -> np.ndarray:
 
 
 def blur(count: int) -> np.ndarray:
-    """G (J, J) of one angle, float32: the blur, and `ROUGH` of the identity."""
+    """Return G (J, J) of one angle, float32: the blur plus `ROUGH` times the identity."""
     place = np.arange(count)
     bell = np.exp(-0.5 * ((place[:, None] - place) / max(SMOOTH * count, 0.3)) ** 2)
     return ((1 - ROUGH) * bell / bell.sum(1, keepdims=True) + ROUGH * np.eye(count)).astype(np.float32)
 
 
 def trial_edits(curves: Sequence[Tensor]) -> list[list[Tensor]]:
-    """Curves as they start with one of them changed: doubled about a place, or raised to the power ½."""
+    """Return trial curves: start curves with one curve doubled around an angle or raised to the power ½."""
     found = []
     for k, curve in enumerate(curves):
         place = (np.arange(len(curve)) + 0.5) / len(curve)
@@ -89,7 +89,7 @@ def trial_edits(curves: Sequence[Tensor]) -> list[list[Tensor]]:
 
 
 def basis_of(blocks: np.ndarray, channels: np.ndarray, curves: Sequence[Tensor], tolerance: float = TOLERANCE) -> Basis:
-    """Return the basis of rows (S, J·K), some pixels' bands in the channels of these numbers (S,), as curves start."""
+    """Return the basis of rows (S, J·K), the bands of some pixels in one channel (S,) each, at the start curves."""
     scale = scale_of(curves)
     rows = blocks * scale[channels].astype(np.float32)
     start = _starts(product_of(curves) / scale)

@@ -1,8 +1,8 @@
-"""Numbers in 16 bits: whole numbers, a scale a row and one a column (block floating point).
+"""Numbers in 16 bits: integers with one scale per row and one per column (block floating point).
 
-value = code · row · column. Columns are first divided by their root mean squares, so that a row's numbers are alike in
-size; the row's largest is then 32767. A dark pixel keeps as many digits as a bright one, and rounding is at most 1.5e-5
-of the row's largest number. Products with vectors are summed from the codes as they are.
+value = code · row · column. Columns are first divided by their root mean squares, so that the numbers of a row have
+similar size. The largest number of a row is then stored as 32767. A dark pixel keeps as many digits as a bright one,
+and rounding is at most 1.5e-5 of the row's largest number. Products with vectors are summed from the codes as they are.
 """
 
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""From a scene's file to what is edited: placed and opened, materials given their curves."""
+"""Build an editing scene from its file: place the objects and give the materials their curves."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ _ANGLES, _BANDS = ("theta_h", "theta_d"), (256, 64)
 
 @dataclass(frozen=True)
 class EditMaterial:
-    """A material of the scene: as it was opened, and as it is edited."""
+    """A material of the scene, in its opened form and its editable form."""
 
     opened: OpenedMaterial
     material: Editable
@@ -37,7 +37,7 @@ def open_edit_materials(
 ) -> tuple[EditMaterial, ...]:
     """Return the materials of the objects and of the ground, with their curves.
 
-    Raises BadInput for what cannot be read, curves that a material cannot have, and a name that is there twice.
+    Raises BadInput for files that cannot be read, curves that a material cannot have, and repeated names.
     """
     return _with_curves(file, open_materials(_tables(file).values(), stage, fits), stage)
 
@@ -93,7 +93,7 @@ def _with_curves(
 def editable(
     reflectance: Reflectance, name: str, curves: str | tuple[str, ...] = OWN, bands: tuple[int, ...] | None = None
 ) -> Editable:
-    """Return a reflectance with curves as a scene file asks for them. Raises BadInput for a wrong number of bands."""
+    """Return a reflectance with the curves of a scene file. Raises BadInput for a wrong number of bands."""
     own = models.own_curves(reflectance)
     if isinstance(curves, tuple) or (curves == OWN and own is None):
         angles = curves if isinstance(curves, tuple) else _ANGLES

@@ -1,11 +1,11 @@
 """Curves f(γ) over an angle in [0, π/2], which users edit, and the bands in which pictures represent them.
 
-A curve is any function of γ with C channels: a model's own (`Formula`), drawn between knots (`Knots`), or constant on
-each of J bands (`Bands`, the box functions of Ben-Artzi et al. 2006, eq. 8). Bands are equal, or finer near 0 with
-edges at π/2 (k/J)². Curves over θh and the other angles of highlights use the finer bands: with J = 256 the first is
-.0014° wide, the band at 3° .25°, the last .7°. `banded` converts any curve to bands by its mean over each band, not by
-its value at the centre (appendix B). So a narrow peak that moves by less than a band still changes the picture
-smoothly. `band_deviation` measures the difference between the curve and its bands.
+A curve is any function of γ with C channels: a formula of a model (`Formula`), piecewise linear between knots
+(`Knots`), or constant on each of J bands (`Bands`, the box functions of Ben-Artzi et al. 2006, eq. 8). Bands are equal,
+or finer near 0 with edges at π/2 (k/J)². Curves over θh and the other angles of highlights use the finer bands: with J
+= 256 the first is .0014° wide, the band at 3° .25°, the last .7°. `banded` converts any curve to bands by its mean over
+each band, not by its value at the centre (appendix B). So a narrow peak that moves by less than a band still changes
+the picture smoothly. `band_deviation` measures the difference between the curve and its bands.
 """
 
 import math
@@ -58,9 +58,9 @@ def flat(channels: int, level: float = 1.0) -> Formula:
 
 @dataclass(frozen=True)
 class Knots:
-    """Straight lines between M values (M, C) at equal steps of γ from 0 to π/2; with `logs`, of logarithms.
+    """A piecewise linear curve through M values (M, C) at equal steps of γ from 0 to π/2, or its exponential.
 
-    `logs` says that `values` are logarithms of the curve.
+    If `logs` is true, `values` are logarithms of the curve, and the logarithm is piecewise linear.
     """
 
     values: Tensor
@@ -90,7 +90,7 @@ def hat(gamma: Tensor, knots: int) -> tuple[Tensor, Tensor]:
 class Bands:
     """Constant on each of J bands of [0, π/2]: `values` (J, C) float64; `finer`: the bands are finer near 0.
 
-    Raises BadInput where they are no such table, negative or not finite, or J is not one of `BANDS`.
+    Raises BadInput if `values` is not such a table, is negative or not finite, or if J is not one of `BANDS`.
     """
 
     values: Tensor
@@ -125,7 +125,7 @@ class Bands:
 
 
 def widened(curve: Bands, factor: float) -> Bands:
-    """Return the curve with its angles times `factor`, straight lines between the middles of bands.
+    """Return the curve with its angles multiplied by `factor`, interpolated between the centres of bands.
 
     Above 1 it makes a highlight wider, below 1 narrower; its height stays. Raises BadInput unless factor > 0.
     """
@@ -139,13 +139,13 @@ def widened(curve: Bands, factor: float) -> Bands:
 
 
 def band_place(gamma: Tensor, count: int, finer: bool = False) -> Tensor:
-    """Where angles (N,) lie among the bands: k at the lower edge of band k, 0 to J; what is outside at the nearest."""
+    """Return band coordinates (N,) of angles: k at the lower edge of band k, clamped to 0 and J."""
     share = (gamma / RIGHT_ANGLE).clamp(0, 1)
     return (share.sqrt() if finer else share) * count
 
 
 def band_of(gamma: Tensor, count: int, finer: bool = False) -> Tensor:
-    """Return the band (N,) int64 that each angle lies in; what is outside [0, π/2] counts to the nearest."""
+    """Return the band (N,) int64 of each angle; angles outside [0, π/2] get the nearest band."""
     return band_place(gamma, count, finer).floor().to(torch.int64).clamp_max(count - 1)
 
 
@@ -164,7 +164,7 @@ def band_centres(count: int, finer: bool = False) -> Tensor:
 def banded(curve: Curve, count: int, finer: bool = False) -> Bands:
     """Return the curve's mean over each of `count` bands (appendix B), by 8 Gauss-Legendre nodes a band.
 
-    Bands of the same number and kind stay as they are; the means of others are exact.
+    Bands of the same number and kind are returned unchanged. For other bands the means are exact.
     """
     if isinstance(curve, Bands):
         return _rebanded(curve, count, finer)
@@ -191,7 +191,7 @@ def _within(count: int, finer: bool, place: Tensor) -> Tensor:
 
 
 def band_deviation(curve: Curve, count: int, finer: bool = False) -> Tensor:
-    """How far the curve is from its mean over each band at most (J, C), looked at in 33 places a band, its ends too."""
+    """Return the largest deviation (J, C) of the curve from its band means, at 33 angles per band."""
     means = banded(curve, count, finer).values
     place = torch.linspace(0, 1, _LOOKED_AT, dtype=torch.float64)
     values = curve.at(_within(count, finer, place)).reshape(count, _LOOKED_AT, -1)

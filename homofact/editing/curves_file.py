@@ -51,9 +51,9 @@ def write_curves(path: str | os.PathLike[str], materials: Sequence[Editable], cu
 def read_curves(path: str | os.PathLike[str], materials: Sequence[Editable]) -> dict[Address, Bands]:
     """Return the curves of these materials in a file.
 
-    Raises BadInput, one line, for a file that is none, of other channels, with a material, term or curve that is not
-    there or stands twice, an angle that is not the curve's, and values that are empty, of the wrong number, negative or
-    not finite.
+    Raises BadInput with a one-line message if the file is not a curves file or has other channels, if a material, term
+    or curve is unknown or listed twice, if an angle is not that of its curve, and if values are empty, of the wrong
+    number, negative or not finite.
     """
     target = Path(path)
     fields = Fields.read(target, "edited curves in JSON")

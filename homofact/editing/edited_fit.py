@@ -1,11 +1,11 @@
-"""Edited curves of a scene's material as textures: taken into those of a fit, or fitted anew.
+"""Turn the edited curves of a material into textures: change the textures of its fit, or fit it again.
 
-A material that is a fit of homofact, and whose curves are factors of all of it, gets every edit into its textures
-(`to_textures`). Any other (a measurement, a model, a sum of terms or of products) is fitted by the default method: at
-the very pairs of directions that it was measured or drawn at, each sample times what the edit makes of it,
-f(edited)/f(as it starts), so that a measurement keeps its noise and is not interpolated.
+If a material is a fit of homofact and its curves multiply all of it, the edits are applied to its textures
+(`to_textures`). Any other material (a measurement, a model, a sum of terms or of products) is fitted by the default
+method. The fit uses the pairs of directions at which the material was measured or sampled. Each sample is multiplied by
+the ratio f(edited)/f(start), so that a measurement keeps its noise and is not interpolated.
 
-What is left over is judged alike: relative RMS of the textures against the edited material itself.
+In both cases the error is the relative RMS of the textures against the edited material.
 """
 
 import time
@@ -41,7 +41,7 @@ _AZIMUTHAL = ("gamma_alpha", "gamma_beta")
 
 @dataclass(frozen=True)
 class EditedFit:
-    """Textures of an edited material: `rms` against it; each edit's `applied`, or the `row` of the fit made anew."""
+    """Textures of an edited material, their error `rms`, and the `applied` edits or the `row` of the new fit."""
 
     fit: Fitted
     edited: Edited
@@ -69,9 +69,9 @@ class EditedFit:
 def chosen_material(
     materials: Sequence[EditMaterial], curves: Mapping[Address, Bands], name: str | None = None
 ) -> tuple[EditMaterial, dict[Place, Bands]]:
-    """Return the material that curves change, or that of `name`, and those of its curves that are not as they start.
+    """Return the edited material, or the material `name`, and its curves that differ from the start.
 
-    Raises BadInput where they change none, or several and none is named, and for a name that is not there.
+    Raises BadInput if no material is edited, if several are edited and `name` is None, and for an unknown name.
     """
     changed: dict[str, dict[Place, Bands]] = {}
     by_name = {own.material.name: own for own in materials}
@@ -99,9 +99,10 @@ def fit_edit(
     refine: int = 1,
     progress: ProgressCallback | None = None,
 ) -> EditedFit:
-    """Textures of a material with these curves; `way` and `refine` as in `to_textures.apply_edit`, for fits alone.
+    """Fit textures to a material with these curves; `way` and `refine` as in `to_textures.apply_edit`.
 
-    Raises BadInput for a `way` or `refine` where the material is fitted anew, and as `apply_edit` and the fit do.
+    `way` and `refine` are valid only if the edits are applied to the textures of a fit; otherwise they raise BadInput.
+    Also raises as `apply_edit` and the fit do.
     """
     edited = own.material.edited(curves)
     fit = own.opened.reflectance

@@ -1,14 +1,15 @@
 """A view's picture at more pixels than were precomputed, with its sky behind it.
 
-Along a surface light changes little from one pixel to the next; what is jagged in a small picture are silhouettes. So
-rays are traced at `times` as many pixels a side, four a pixel, and each takes its radiance from the 4 × 4 precomputed
-pixels about it. Those of the same object count, by a Gaussian over their distance in pixels, by how alike the normals
-are, and by how far their surface lies from the plane here, in pixels:
+Along a surface the light changes little from one pixel to the next; the jagged parts of a small picture are its
+silhouettes. So rays are traced at `times` as many pixels along each side, four rays per pixel. The radiance of each ray
+is a weighted mean of the 4 × 4 precomputed pixels around it that show the same object. The weight depends on the
+distance d in pixels, on the normals n and n', and on the distance of the pixel's point p' from the tangent plane at the
+ray's point p:
 
     w = exp(−d²/2σ² − (1 − n·n')/s − (n·(p − p')/2q)²),    σ = ½, s = .05, q the width of a pixel there.
 
-The page draws the same on the graphics card (settled.js). What is behind the objects is the light's own map, and a
-level ground ends softly, as in pictures of relit scenes.
+The page does the same on the graphics card (settled.js). The environment map is the background, and a level ground
+fades out, as in pictures of relit scenes.
 """
 
 import math
@@ -73,7 +74,7 @@ def sky_behind(lighting: Lighting, directions: np.ndarray, channels: int) -> np.
 
 
 def clear_shares(meshes: Sequence[Mesh], seen: VisiblePixels) -> np.ndarray:
-    """How far a level ground has ended at each of the pixels (P,): 0 where it is whole, 1 where nothing is left."""
+    """Return the transparency (P,) of a level ground at each of the pixels: 0 is opaque, 1 is fully faded."""
     clear = np.zeros(len(seen))
     for number, mesh in enumerate(meshes):
         ends = faded(mesh)

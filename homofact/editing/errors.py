@@ -1,10 +1,11 @@
-"""What a prepared scene's pictures are off: low rank, and lights and bands.
+"""The errors of a prepared scene's pictures: from low rank, and from lights and bands.
 
-Both are relative RMS over some pixels. Low rank is against all bands (`lowrank.LowRank.error`), of curves as they start
-and of trial edits (`basis.trial_edits`); that of light from surfaces is relative to all light of the object. Lights and
-bands are as the curves start, against a finer division of the light, the materials themselves asked at the middles of
-four parts of each triangle: no bands, no curves. Light from surfaces is then what the materials send, not taken for
-matt, under fewer lights.
+Both are relative RMS errors over some pixels. The error of the low rank is measured against all bands
+(`lowrank.LowRank.error`), for the start curves and for trial edits (`basis.trial_edits`). For light from other surfaces
+it is relative to all light of the object. The error of lights and bands is measured for the start curves, against a
+finer division of the light. This reference has no bands and no curves: it evaluates the materials themselves at the
+centres of four parts of each triangle. In it, other surfaces reflect by their own materials, not as matt ones, under
+fewer lights.
 """
 
 from dataclasses import dataclass, replace
@@ -32,9 +33,9 @@ _PIECE = 2048
 
 @dataclass(frozen=True)
 class PartError:
-    """One term of one object in one view: pixels, bands, rank, and the low rank's error, the worst trial edit's.
+    """One term of one object in one view: pixels, bands, rank, the low rank's error and its worst trial edit's.
 
-    `bounced` says that it is light from other surfaces.
+    `bounced` is true for light from other surfaces.
     """
 
     view: str
@@ -48,7 +49,7 @@ class PartError:
 
     @property
     def words(self) -> str:
-        """The term, and where its light is from."""
+        """Return the term's name and the source of its light."""
         return f"{self.term}, from surfaces" if self.bounced else self.term
 
 
@@ -83,7 +84,7 @@ def _share(prepared: PreparedScene, part: PreparedTerm, curves: Curves) -> float
 
 
 def light_error(prepared: PreparedScene) -> dict[str, float]:
-    """By the name of each view: relative RMS of some pixels against `FINER` times as many lights."""
+    """Return, by view name, the relative RMS of some pixels against `FINER` times as many lights."""
     scene, curves = prepared.scene, starting_curves(prepared)
     finer = triangle_lights(scene.lighting, FINER * prepared.lights.count, len(scene.channels))
     meshes = MeshGroup([edited.mesh for edited in scene.objects])

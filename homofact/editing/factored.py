@@ -3,16 +3,18 @@
 HF, ρ = ρ_q P(θi) Q(θh) P(θo): P and Q are one-dimensional textures of logarithms, solved like all others
 (`factor.textures`), P read at both θi and θo.
 
-HD, ρ = ρ_q (G_d(θi) H_d(θo) + G_s(θd) H_s(θh)): four curves that are positive because their logarithms are what is
-looked for, straight lines between knots, by L-BFGS from a fixed start on
+HD, ρ = ρ_q (G_d(θi) H_d(θo) + G_s(θd) H_s(θh)): four curves whose logarithms are piecewise linear between knots, so
+that the curves are positive. L-BFGS finds them from a fixed start by minimising
 
     Σ (log(f/A + ε) − log(m/A + ε))² / N + λ Σ (second differences of the knots' logarithms)²,
 
-A the mean of f. Logarithms let the dark parts of a glossy material count, and smooth curves leave a smooth quotient:
-pictures know that at the lights' centres alone. Both terms have the same quotient f/m.
+where A is the mean of f and m the model in brackets. Logarithms give the dark parts of a glossy material weight. Smooth
+curves make a smooth quotient, which matters because pictures evaluate it at few points of each light. Both terms have
+the same quotient f/m.
 
-The quotient makes up for what the curves cannot say, so that unedited either form is the material itself. No curve is
-zero, so that nothing is divided by zero; where the material itself is zero, so is its quotient, and no edit lights it.
+The quotient contains what the curves cannot represent, so that either form without edits equals the material. No curve
+is zero, so that no division by zero occurs. Where the material is zero, its quotient is zero too, and no edit changes
+this.
 """
 
 import numpy as np

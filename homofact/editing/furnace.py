@@ -36,7 +36,7 @@ class Albedo:
         return max(max(row) for row in self.values)
 
     def warning(self) -> str | None:
-        """Return one line where more comes back than falls in, beyond what the sum is good for."""
+        """Return one line if the albedo exceeds 1 by more than the error of the quadrature, else None."""
         if self.largest <= 1 + SLACK:
             return None
         angle, row = max(zip(self.degrees, self.values, strict=True), key=lambda pair: max(pair[1]))
@@ -45,7 +45,7 @@ class Albedo:
 
 
 def furnace_nodes(degrees: float) -> Iterator[tuple[Tensor, Tensor, Tensor]]:
-    """(wi, wo) (N, 3) and weights (N,), cosθo dωo over the number of azimuths, of each azimuth of ωi at that angle."""
+    """Return (wi, wo) (N, 3) and weights (N,), cosθo dωo/azimuths, for all azimuths of ωi at an angle."""
     for azimuth in AZIMUTHS:
         angles = (torch.tensor([math.radians(each)], dtype=torch.float64) for each in (degrees, azimuth))
         wi = from_spherical(*angles)

@@ -1,8 +1,8 @@
-"""The white furnace in tables: `furnace`'s sum with everything in it that no curve changes already done.
+"""Tables of the white furnace: the sum of `furnace`, with all parts precomputed that no curve changes.
 
-Curves are constant on bands, so that all nodes in the same bands of a term's curves count as one. What is left is, for
-each angle of ωi and each such combination of bands, a weight a channel: Σ ρ_q cosθo dωo. Multiplied by the curves, it
-is the furnace's albedo to rounding: for senders of light (`sender_albedo`), and on the page.
+Curves are constant on bands, so all nodes in the same bands of a term's curves can be summed. The table has one weight
+per channel for each angle of ωi and each combination of bands: Σ ρ_q cosθo dωo. The weights times the curves give the
+albedo of `furnace` up to rounding: for senders of light (`sender_albedo`), and on the page.
 """
 
 from collections.abc import Sequence
@@ -38,7 +38,7 @@ class FurnaceTable:
 
 
 def factors(term: EditableTerm) -> list[tuple[int, str, int]]:
-    """Return (slot's number, angle, bands) of what multiplies the quotient; a curve at both ends is there twice."""
+    """Return (slot index, angle, bands) per factor of the quotient; a curve over θi and θo appears twice."""
     found = []
     for number, slot in enumerate(term.slots):
         found.append((number, slot.angle, slot.bands))

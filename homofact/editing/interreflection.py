@@ -6,8 +6,9 @@ pixel has, beside its transport T of direct light, one transport T^S for each se
 
     R = Σ_b c_b (T_b + Σ_S ρ_S T^S_b),
 
-and an edit of a sender changes factors alone. T^S has the receiver's own curves and quotient, so a receiver is not
-taken for matt. Its directions are `TRIANGLES` even triangles, each with rays to the centres of its four parts.
+and an edit of a sender changes only the factors ρ_S. T^S includes the receiver's own curves and quotient, so receivers
+are not treated as matt. The directions at a receiver are `TRIANGLES` triangles of similar size, each with rays to the
+centres of its four parts.
 
 E is computed at the vertices of all meshes from about `LIGHTS` triangles of light, and is linear in between.
 """
@@ -34,7 +35,7 @@ _RAYS = 1 << 18
 class Met:
     """Surface points (S) that rays meet: `pixel` and `ray` (S,), the mesh `owners` (S,), and the triangles' `corners`.
 
-    `weights` (S, 3, 1) are barycentric; what a vertex has, `at` takes to the points.
+    `weights` (S, 3, 1) are barycentric; `at` interpolates vertex values at the points.
     """
 
     pixel: np.ndarray
@@ -62,12 +63,12 @@ class Bounce:
 
     @classmethod
     def of(cls, meshes: MeshGroup, channels: int) -> "Bounce":
-        """Of even triangles."""
+        """Make the directions from triangles of similar size."""
         lights = even_triangles(TRIANGLES, channels)
         return cls(meshes, lights, LightPoints.of(lights, 1))
 
     def met(self, pixels: VisiblePixels) -> Met:
-        """Follow the rays of some pixels to the front of the surface that is nearest."""
+        """Trace the rays of some pixels to the nearest surface, if they hit its front."""
         directions, meshes = self.points.points.reshape(-1, 3), self.meshes
         normals = pixels.frames[:, 2]
         pixel, ray = np.nonzero(normals @ directions.T > 0)
@@ -81,7 +82,7 @@ class Bounce:
         return found.some(np.flatnonzero((found.at(meshes.normals) * directions[found.ray]).sum(1) < 0))
 
     def surfaces(self, met: Met) -> VisiblePixels:
-        """Return what is met as the pixels see it."""
+        """Return the hit surfaces as the pixels see them."""
         normals = met.at(self.meshes.normals)
         frame = frames(normals / np.linalg.norm(normals, axis=1, keepdims=True))
         wo = np.einsum("pij,pj->pi", frame, -self.points.points.reshape(-1, 3)[met.ray])
@@ -89,7 +90,7 @@ class Bounce:
         return VisiblePixels(np.arange(len(met.ray)), met.owners, points, frame, wo, uv)
 
     def gathered(self, pixels: VisiblePixels, sent: Iterable[tuple[Met, np.ndarray]]) -> list[BouncedLight]:
-        """Return the light of pixels that receive the radiance (S, C) from what they meet, for each of these pairs.
+        """Return the light of pixels for each pair (hits, their radiance (S, C)) in `sent`.
 
         The radiance of a triangle is the mean over its rays above the horizon, weighted by their cosines.
         """

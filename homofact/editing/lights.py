@@ -34,10 +34,10 @@ _FACES = [(x, y, z) if (x + y + z) % 2 == 1 else (x, z, y) for x in (0, 1) for y
 class TriangleLights:
     """M spherical triangles, float64, in the world's frame (y up).
 
-    `vertices` (V, 3) unit, shared by neighbours; `triangles` (M, 3) into them, their middles of edges `middles` (M, 3)
-    too, opposite to the corners of the same number; `sizes` (M, 4), the shares of the solid angle of the three
-    triangles at the corners and the one between the middles; `centres` (M, 3) unit; `solid_angles` (M,) in sr;
-    `radiance` (M, C), the mean over each.
+    `vertices` (V, 3) are unit vectors, shared by neighbours. `triangles` (M, 3) are indices of the corners, and
+    `middles` (M, 3) indices of the edges' midpoints; midpoint k is opposite to corner k. `sizes` (M, 4) are the shares
+    of the solid angle of the three triangles at the corners and of the one between the midpoints. `centres` (M, 3) are
+    unit vectors, `solid_angles` (M,) are in sr, and `radiance` (M, C) is the mean over each triangle.
     """
 
     vertices: np.ndarray
@@ -67,8 +67,8 @@ class TriangleLights:
 def triangle_lights(lighting: Lighting, number: int, channels: int | None = None) -> TriangleLights:
     """The lighting as about `number` triangles (400 for a preview, 4000), in as many channels as it has, or `channels`.
 
-    Triangles without light are left out, so that there may be fewer. Raises BadInput for a number below 8, and for
-    light in other channels than asked for that is not grey. Light without energy is no `Lighting`.
+    Triangles without light are left out, so there may be fewer. Raises BadInput for a number below 8, and for coloured
+    light whose channels differ from `channels`.
     """
     if number < 8:
         raise BadInput(where="triangles", found=number, expected="at least 8")
@@ -92,7 +92,7 @@ def triangle_lights(lighting: Lighting, number: int, channels: int | None = None
 
 
 def even_triangles(number: int, channels: int) -> TriangleLights:
-    """Return all directions in the most triangles of like size that are no more than `number`; their radiance is 1."""
+    """Divide all directions into at most `number` triangles of similar size, with radiance 1."""
     tree = _Tree()
     tree.leaves = [*_FACES]
     while 4 * len(tree.leaves) <= number:

@@ -1,10 +1,10 @@
 """T and U of all pixels in few numbers each (`basis`), kept in 16 bits (`block_floats`).
 
 R = a · W ρ, with a of every pixel and ρ by how much the curves changed. An edit of any size costs P · r products, and
-changing over from one curve to the other hardly anything.
+switching from one curve to another is almost free.
 
-`error` is the relative RMS of R over pixels that were set aside, against all bands, for the curves that are shown now:
-edits that lift a curve far above its start, or are rougher than the basis expects, lift their errors too.
+`error` is the relative RMS of R against all bands, over pixels that are stored for this purpose, for the current
+curves. Edits that raise a curve far above its start, or that are rougher than the basis expects, have larger errors.
 """
 
 import math
@@ -29,7 +29,7 @@ _PIECE = 4096
 class LowRank:
     """`coefficients` a (P, C, r), `outward` W (r, 1, J·K), `scale` (C, J·K) as in `Basis`, and `bands` (J,) or (J, K).
 
-    `probes` holds the pixels `rows` (S,) in full.
+    `probes` stores all bands of the pixels `rows` (S,).
     """
 
     coefficients: BlockFloats
@@ -64,7 +64,7 @@ class LowRank:
         return torch.einsum("pcr,crj->pcj", torch.from_numpy(self.coefficients.values()), vectors)
 
     def wavelets(self, active: int, curves: Sequence[Tensor]) -> Tensor:
-        """S T (C, J or K, P) float32 of the active curve: the few vectors are transformed, and not every pixel."""
+        """Return S T (C, J or K, P) float32 of the active curve, by transforming W and not every pixel."""
         vectors = transformed(self._vectors(active, curves)).transpose(1, 2).contiguous()
         pixels = len(self.coefficients.codes)
         found = torch.empty(self.channels, vectors.shape[1], pixels)

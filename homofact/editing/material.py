@@ -25,9 +25,10 @@ Quotient = Callable[[Tensor, Tensor], Tensor]
 class Slot:
     """One editable curve of a term: over which `angle`, and how it starts.
 
-    `also_outgoing`: the curve is over θi and multiplies once more at θo, as P of a homomorphic factorization. `sliders`
-    makes the curve from numbers by name, with those it starts at; none for a curve that is only drawn by hand.
-    `bands` J, in how many steps pictures know it: finer near 0 (`finer`) over the angles of highlights, else equal.
+    If `also_outgoing` is true, the curve is over θi and also multiplies at θo, as P of a homomorphic factorization.
+    `sliders` makes the curve from named numbers and has their start values; it is None for curves that are only drawn
+    by hand. `bands` is the number J of bands of the curve in pictures. Bands over the angles of highlights are finer
+    near 0 (`finer`), the others equal.
     """
 
     name: str
@@ -64,7 +65,7 @@ class Slot:
 
 @dataclass(frozen=True)
 class Sliders:
-    """Numbers that a curve is made from: `start` values by name, and `make`, which takes them by name.
+    """The parameters of a curve: their `start` values by name, and `make`, which computes the curve from them.
 
     `formula` names what `make` computes for the page (formulas.js).
     """
@@ -83,7 +84,7 @@ class Sliders:
 
 @dataclass(frozen=True)
 class EditableTerm:
-    """ρ_q and its curves. `quotient` takes (wi, wo) (N, 3) above the horizon to (N, C)."""
+    """ρ_q and its curves. `quotient` maps (wi, wo) (N, 3) above the horizon to values (N, C)."""
 
     name: str
     quotient: Quotient
@@ -99,7 +100,7 @@ class EditableTerm:
 
     @property
     def summed(self) -> tuple[Slot, ...]:
-        """The slots that count in the sum over the light, one or two: A and B."""
+        """Return the one or two slots (A and B) whose curves are in the sum over the light."""
         return tuple(slot for slot in self.slots if slot.in_sum)
 
     def slot(self, name: str) -> Slot:
@@ -127,7 +128,7 @@ Place = tuple[str, str]
 
 @dataclass(frozen=True)
 class Editable:
-    """A material as a sum of terms; `notes` say what its making had to leave out or hold up, one line each."""
+    """A material as a sum of terms; `notes` has one line per simplification in its construction."""
 
     name: str
     channels: tuple[str, ...]
@@ -162,7 +163,7 @@ class Editable:
         return {place: self.slot(place).banded(self.slot(place).start) for place in self.places}
 
     def checked(self, place: Place, curve: Bands) -> Bands:
-        """Return the curve, fit for that place: as many bands are made finer near 0 where the place has them so.
+        """Return the curve in the bands of that place; equal bands are converted to finer ones near 0 if needed.
 
         Raises BadInput for another number of bands or channels, and a curve that is 0 everywhere.
         """
@@ -185,7 +186,7 @@ class Editable:
 class Edited:
     """A material with some curves changed; a `Reflectance`.
 
-    `fetches` counts one a curve, beside those of the quotients, which are not known here.
+    `fetches` counts one fetch per curve. The fetches of the quotients are unknown and not included.
     """
 
     material: Editable

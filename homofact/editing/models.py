@@ -141,7 +141,7 @@ def ward(model: Ward, name: str = "Ward", bands: tuple[int, ...] | None = None) 
 
 
 def lafortune(model: Lafortune, name: str = "Lafortune", bands: tuple[int] = (256,)) -> Editable:
-    """Return a term for each lobe, "lobe 1" and so on: a curve that starts at 1, with a slider that narrows the lobe.
+    """Return one term per lobe, "lobe 1" and so on, whose curve starts at 1 and has a slider for narrowing.
 
     Lobes with Cxy < 0 lie about the mirror direction and have the curve over θr; the others throw light back, and have
     it over θd.
@@ -161,7 +161,7 @@ def lafortune(model: Lafortune, name: str = "Lafortune", bands: tuple[int] = (25
 def metallic_roughness(
     model: MetallicRoughness, name: str = "metallic-roughness", bands: tuple[int, int] = (256, 64)
 ) -> Editable:
-    """glTF's material as what its base colour multiplies, "base", and the rest, "gloss": curves that start at 1."""
+    """Return two terms with curves that start at 1: "base", which the base colour multiplies, and "gloss"."""
     count = len(model.channels)
     black = replace(model, base_colour=(0.0,) * count)
 
@@ -182,7 +182,7 @@ def light_view(model: Lambert, name: str = "Lambert") -> Editable:
 
 
 class OwnCurves(NamedTuple):
-    """How a model gets its curves: by `make`, with as many numbers of bands as `bands` says."""
+    """How a model gets its curves: `make` builds them, from `bands` numbers of bands."""
 
     make: Callable[..., Editable]
     bands: int
@@ -213,9 +213,9 @@ def from_reflectance(
     name: str = "material",
     bands: Sequence[int] = (256, 64),
 ) -> Editable:
-    """Any reflectance as its own quotient: one or two curves over `angles`, θo beside them, all starting at 1.
+    """Make any reflectance editable, as its own quotient with curves over `angles` and θo that start at 1.
 
-    Every fit of homofact can be edited so. Raises BadInput for angles that are none or too many.
+    Every fit of homofact can be edited in this way. Raises BadInput for unknown angles and for more than two.
     """
     count = len(reflectance.channels)
     if len(bands) < len(angles):

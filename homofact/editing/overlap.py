@@ -45,7 +45,7 @@ _STACK = 3 * DEEPEST + 4
 
 
 class VisibleLights(NamedTuple):
-    """The S lights that P pixels see: pixel p those of `numbers`[begins[p] … begins[p + 1]].
+    """The S lights that P pixels see: pixel p sees the lights `numbers`[begins[p] … begins[p + 1]].
 
     `light` (S, C) is L V ρ_q cosθi Ω of each.
     """
@@ -272,8 +272,8 @@ def transport(
 ) -> None:
     """T (eq. 21) or U (eq. 25) of P pixels, added to `found` (P, C, J·K).
 
-    `kinds` are the angles' numbers in `ANGLES`, `bands` (J, K); without a second angle they are −1 and 1. Lets go of
-    the interpreter's lock.
+    `kinds` are the angles' numbers in `ANGLES`, `bands` (J, K); without a second angle they are −1 and 1. Releases the
+    GIL.
     """
     shapes = _Shapes(lights.vertices, lights.triangles, lights.middles, lights.sizes)
     first, second = (kind >= 0 and ANGLES[kind] in PEAKED for kind in kinds)

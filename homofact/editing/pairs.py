@@ -8,7 +8,7 @@ from homofact.geometry.directions import draw_in_discs, from_half_difference, fr
 
 
 def pairs_of(count: int, seed: int) -> tuple[Tensor, Tensor]:
-    """Pairs (N, 3) to solve on and to judge by: half over the discs, half towards small θh, where highlights are."""
+    """Return pairs (N, 3) for solving and for measuring: half over the discs, half near small θh (highlights)."""
     generator = torch.Generator().manual_seed(seed)
     everywhere = draw_in_discs(count - count // 2, generator)
     u = torch.rand(2 * count, 4, dtype=torch.float64, generator=generator)

@@ -1,11 +1,11 @@
-"""Patterns on an object: what multiplies the first term of its material, from place to place.
+"""Patterns on an object: spatially varying factors of the first term of its material.
 
     pattern = "wood"                   # grain along x, rings about the x axis, `pattern_size` apart
     pattern = "squares"                # light and dark cubes of that size
     pattern = "label.png"              # a picture at the mesh's texture coordinates, 1 at its mean colour
 
-A picture multiplies by its colour in linear light over its mean, so that the material stays as it is on the whole. It
-repeats beyond its edges and is read between its texels.
+A picture multiplies by its colour divided by its mean colour, both in linear light, so that the mean of the material is
+unchanged. It repeats beyond its edges and is interpolated between texels.
 """
 
 import math
@@ -65,7 +65,7 @@ class Wood:
 
 @dataclass(frozen=True)
 class Squares:
-    """Cubes of `size`, by turns 1 and .35 as bright."""
+    """Cubes of `size`, with brightness alternating between 1 and .35."""
 
     size: float
     channels: int

@@ -24,13 +24,13 @@ def starting_curves(prepared: PreparedScene) -> dict[Address, Bands]:
 
 
 def summed_curves(part: PreparedTerm, material: Editable, curves: Curves) -> list[Tensor]:
-    """The curves (J, C) that count in a part's sum over the light, in their order, each in the bands of its place."""
+    """Return the curves (J, C) that are in a part's sum over the light, in order, each in its own bands."""
     summed = material.term(part.term).summed
     return [slot.banded(curves[material.name, part.term, slot.name]).values for slot in summed]
 
 
 def factor_of(part: PreparedTerm, material: Editable, curves: Curves) -> Tensor:
-    """Return what multiplies a part's sum (P, C) or (1, C): curves over θo, and its pattern."""
+    """Return the factor (P, C) or (1, C) of a part's sum: its curves over θo and its pattern."""
     factor = torch.ones(1, len(material.channels), dtype=torch.float64)
     for slot in material.term(part.term).slots:
         if slot.also_outgoing or not slot.in_sum:
@@ -45,7 +45,7 @@ def part_picture(prepared: PreparedScene, part: PreparedTerm, curves: Curves) ->
 
 
 def add_part(total: Tensor, prepared: PreparedScene, part: PreparedTerm, values: Tensor, curves: Curves) -> None:
-    """Add a part's `values` (P, C) to the `total` of its view; light of senders times their albedos."""
+    """Add a part's `values` (P, C) to its view's `total`; light from senders is multiplied by their albedos."""
     if part.senders is not None:
         albedos = torch.stack([each.at(curves) for each in prepared.albedos])
         values = values * albedos[torch.from_numpy(part.senders)]

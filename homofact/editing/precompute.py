@@ -1,12 +1,13 @@
-"""From a scene whose light and views are fixed to T and U of every term (Ben-Artzi et al. 2006, section 5, code 1).
+"""Precompute T and U of every term for a fixed light and fixed views (Ben-Artzi et al. 2006, section 5).
 
-Pixel by pixel: which lights are above its horizon and not blocked (one ray to each light's centre, shared by all terms
-of the object), L' = L V ρ_q cosθi Ω (`quotient`), and its share of each band (`overlap`). Pixels go in blocks,
-which may run in several threads and give the same bits however many there are. Light from other surfaces
-(`interreflection`) takes the same way, a row for each sender that a pixel sees. A block in full is (pixels, C, J·K);
-"low-rank" keeps only its coefficients, so that two curves' matrices never stand whole in memory.
+For each pixel, homofact finds the lights that are above its horizon and not blocked, with one ray to each light's
+centre, shared by all terms of the object. For each of these lights it computes L' = L V ρ_q cosθi Ω (`quotient`) and
+distributes it over the bands (`overlap`). Several threads can process blocks of pixels; the results are bit-identical
+for any number of threads. Light from other surfaces (`interreflection`) is processed in the same way, with one row for
+each sender that a pixel sees. An uncompressed block is (pixels, C, J·K). "low-rank" stores only its coefficients, so
+that the matrices of two curves are never complete in memory.
 
-Low rank goes over some of the pixels twice: first for the basis, which must be known before anything is projected.
+For low rank, some of the pixels are processed twice: first for the basis, which the projection of all pixels needs.
 """
 
 from collections.abc import Callable, Sequence
@@ -53,12 +54,12 @@ def prepare(
     progress: Callable[[float], None] | None = None,
     divided: int | None = None,
 ) -> PreparedScene:
-    """Precompute a scene with about that many lights, in a form of `FORMS`; `tolerance` is that of the low rank.
+    """Precompute a scene with about `triangles` lights, in a form of `FORMS`.
 
     `threads` defaults to the threads of numba; results are bit-identical for any number. `progress` is called with the
     share of finished pixels. `divided` is the number of times that a triangle is divided to evaluate a quotient at more
-    points than its centre. Default: the number that `quotient` finds sufficient. Raises BadInput for another form, and
-    for a full form of more than 1 GiB.
+    points than its centre. Default: the number that `quotient` finds sufficient. `tolerance` is the allowed error of
+    the low rank. Raises BadInput for another form, and for a full form of more than 1 GiB.
     """
     if form not in FORMS:
         raise BadInput(where="form", found=repr(form), expected=f"one of {', '.join(FORMS)}")

@@ -1,10 +1,10 @@
-"""The quotient over a triangle of light: asked at one point or at several, as many as a material needs.
+"""The quotient over a triangle of light, evaluated at as many points as the material needs.
 
-∫ ρ_q cosθi dω over a triangle is its solid angle times the mean over points: the centres of what the triangle is
-divided into, weighted by their solid angles. One point, the centre, does for what hardly changes within a triangle; a
-highlight that is in the quotient, as a fit's is, needs more. How often triangles are divided is chosen for every term
-by some of its pixels: until dividing once more changes their light by less than `TOLERANCE`, but not beyond
-`MOST_POINTS`. Rays go to the triangles' centres alone, and bands are divided over the whole triangle (`overlap`).
+∫ ρ_q cosθi dω over a triangle is its solid angle times the mean over points: the centres of its parts, weighted by
+their solid angles. One point, the centre, is enough for a quotient that hardly changes within a triangle. A quotient
+with a highlight, such as that of a fit, needs more points. Some pixels of every term determine how often its triangles
+are divided: until another division changes their light by less than `TOLERANCE`, up to `MOST_POINTS`. Rays go to the
+triangles' centres alone, and bands are divided over the whole triangle (`overlap`).
 """
 
 from dataclasses import dataclass
@@ -32,7 +32,7 @@ class LightPoints:
 
     @classmethod
     def of(cls, lights: TriangleLights, divided: int) -> "LightPoints":
-        """Return the centres of what triangles are divided into, at the middles of their edges."""
+        """Return the centres of the parts of triangles that are divided at the midpoints of their edges."""
         corners = lights.vertices[lights.triangles][:, None]
         for _ in range(divided):
             middles = corners[:, :, [1, 2, 0]] + corners[:, :, [2, 0, 1]]

@@ -78,7 +78,7 @@ Light = DirectLight | BouncedLight
 
 
 def visible_lights(pixels: VisiblePixels, lights: TriangleLights, meshes: MeshGroup) -> tuple[np.ndarray, np.ndarray]:
-    """Return (begins (P + 1,), numbers (S,)) of the lights that each pixel sees by a ray to their centres."""
+    """Return (begins (P + 1,), numbers (S,)) of the lights that each pixel sees, tested by rays to their centres."""
     normals = pixels.frames[:, 2]
     above = normals @ lights.centres.T > 0
     pixel, light = np.nonzero(above)
@@ -90,5 +90,5 @@ def visible_lights(pixels: VisiblePixels, lights: TriangleLights, meshes: MeshGr
 
 
 def begins_of(owner: np.ndarray, count: int) -> np.ndarray:
-    """Return (P + 1,) where the entries of each of so many pixels begin, of the pixels (S,) in their order."""
+    """Return indices (P + 1,) where the entries of each pixel begin, given sorted pixel numbers (S,)."""
     return np.concatenate(([0], np.cumsum(np.bincount(owner, minlength=count)))).astype(np.int64)

@@ -1,7 +1,7 @@
 """A prepared scene on disk: edit.npz with what editing reads, edit.json with scene and report, a picture a view.
 
-`edit.json` holds the scene's table with paths relative to the folder, so that a folder can be moved together with what
-it is made of; edit.npz tells by its digest whether meshes, materials and light are still those that it was made with.
+`edit.json` contains the scene's table with paths relative to the folder, so that the folder can be moved together with
+its sources. A digest in edit.npz detects changes of meshes, materials and light.
 """
 
 import os
@@ -61,7 +61,7 @@ class EditResult:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What was found while the scene was read, a line each."""
+        """Return remarks on the scene from its reading, one line each."""
         return self.prepared.scene.notes
 
     @property
@@ -119,9 +119,9 @@ def _as_rgb(values: torch.Tensor) -> torch.Tensor:
 
 
 def open_edit(place: Path, stage: Stage | None = None) -> EditResult:
-    """The scene in a folder that `EditResult.save` wrote: materials, meshes and light are read from where they are.
+    """Open the scene in a folder of `EditResult.save`; materials, meshes and light are read from their files.
 
-    Raises BadInput where the folder is none, where they are gone, and where they are not those that it was made with.
+    Raises BadInput if the folder is not such a folder, and if these files are missing or have changed.
     """
     file, report = read_report(place)
     fits = FileFits(_folder(place))
@@ -131,7 +131,7 @@ def open_edit(place: Path, stage: Stage | None = None) -> EditResult:
 
 
 def read_report(place: Path) -> tuple[EditSceneFile, dict[str, Any]]:
-    """Return (the scene, the report) of a folder, without what was precomputed. Raises BadInput as `open_edit`."""
+    """Return (scene, report) of a folder, without the precomputed transport. Raises BadInput as `open_edit`."""
     if not PREPARED.is_at(place):
         raise BadInput(where=place, found=f"no {PREPARED.mark} in it", expected=_EXPECTED)
     folder = _folder(place)

@@ -27,7 +27,7 @@ Pattern = Callable[[np.ndarray, np.ndarray], np.ndarray]
 class EditObject:
     """One object: its mesh and material; `patterns` multiply terms by name.
 
-    A pattern takes world points (P, 3) and texture coordinates (P, 2) to factors (P, C).
+    A pattern maps world points (P, 3) and texture coordinates (P, 2) to factors (P, C).
     """
 
     mesh: Mesh
@@ -41,7 +41,7 @@ class EditObject:
 
 
 class Sender(NamedTuple):
-    """Terms of an object that send light to other surfaces alike: one with a pattern, or all without."""
+    """Terms of an object with a common albedo as senders of light: one term with a pattern, or all others."""
 
     object: int
     terms: tuple[str, ...]
@@ -49,11 +49,12 @@ class Sender(NamedTuple):
 
 @dataclass(frozen=True)
 class EditScene:
-    """What is edited: objects, light and the cameras of its fixed views; what was found on the way to it, line by line.
+    """A scene to edit: objects, light, the cameras of its fixed views, and `notes` with one remark per line.
 
     With `bounces` = 1, surfaces also receive the light that others reflect (`interreflection`).
 
-    Raises BadInput for none of them, for different channels, names that are there twice, and views that are too large.
+    Raises BadInput for no objects or views, for different channels, for repeated names, and for views that are too
+    large.
     """
 
     objects: tuple[EditObject, ...]
@@ -98,7 +99,7 @@ class EditScene:
 
     @property
     def senders(self) -> tuple[Sender, ...]:
-        """What sends light to other surfaces; none without bounces."""
+        """Return the senders of light to other surfaces; none without bounces."""
         found = []
         for number, edited in enumerate(self.objects if self.bounces else ()):
             plain = tuple(term.name for term in edited.material.terms if term.name not in edited.patterns)
@@ -110,8 +111,9 @@ class EditScene:
 class PreparedTerm:
     """One term of one object in one view: `rows` (P,) of the view's pixels, its transport, and the fixed factor (P, C).
 
-    `theta_o` (P,) in radians, for curves with one number per pixel. Light of other surfaces has `senders` (P,), the
-    number of the sender of each row, and a row for each sender that a pixel sees; direct light has None.
+    `theta_o` (P,), in radians, is the argument of curves over θo. For light from other surfaces, `senders` (P,) is the
+    index of each row's sender, and a pixel has one row for each sender that it sees. For direct light `senders` is
+    None.
     """
 
     view: int
@@ -128,7 +130,7 @@ class PreparedTerm:
         cls, scene: "EditScene", seen: VisiblePixels, view: int, number: int, term: str, rows: np.ndarray,
         transport: CurveTransport, senders: np.ndarray | None = None,
     ) -> "PreparedTerm":  # fmt: skip
-        """Of these rows of what a view sees, which are object `number`'s."""
+        """Make the part from the rows of a view's pixels that show object `number`."""
         own, pattern = seen.some(rows), scene.objects[number].patterns.get(term)
         theta_o = torch.from_numpy(np.arctan2(np.hypot(own.wo[:, 0], own.wo[:, 1]), own.wo[:, 2]))
         factor = None if pattern is None else torch.from_numpy(pattern(own.points, own.uv))

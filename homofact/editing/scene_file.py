@@ -84,7 +84,7 @@ class _Edited(MaterialTable):
 
 @dataclass(frozen=True)
 class EditObjectTable(_Edited, ObjectTable):
-    """One object, and what of its material is edited."""
+    """One object and the curves of its material."""
 
 
 @dataclass(frozen=True)
@@ -94,7 +94,7 @@ class EditGroundTable(_Edited, GroundTable):
 
 @dataclass(frozen=True)
 class EditSettings:
-    """[edit]: how many triangles the light is divided into, what the low rank may leave, and bounces of light."""
+    """[edit]: the number of triangles of the light, the tolerance of the low rank, and the bounces of light."""
 
     triangles: int = option(TRIANGLES, "Of the light", least=8, most=100_000)
     tolerance: float = option(TOLERANCE, "Relative RMS that the low rank may leave", above=0, most=0.5)
@@ -121,7 +121,7 @@ class EditSceneTable(SceneTable):
 
 @dataclass(frozen=True)
 class EditSceneFile:
-    """What is edited, as the file says. Sources, meshes and the map are findable from the working folder."""
+    """The scene to edit, as in its file; paths of sources, meshes and map are relative to the working folder."""
 
     name: str
     objects: tuple[EditObjectTable, ...]
@@ -179,7 +179,7 @@ def read_edit_scene(path: str | Path) -> EditSceneFile:
 
 
 def scene_of_record(table: dict[str, Any], name: str, folder: Path, place: str) -> EditSceneFile:
-    """Return the scene of a table whose paths are relative to `folder`; `place` goes before every message.
+    """Return the scene of a table whose paths are relative to `folder`; `place` prefixes every message.
 
     Raises BadInput.
     """

@@ -1,4 +1,4 @@
-"""The albedo of senders of light: what share of uniform light their terms reflect, with the curves as they are.
+"""The albedo of senders of light: the share of uniform light that their terms reflect under current curves.
 
 It is the white furnace's albedo a(θi) (`furnace`), linear between its angles, in the mean ∫ a(θ) sin2θ dθ.
 """
@@ -32,7 +32,7 @@ def mean_weights() -> np.ndarray:
 
 
 class SenderAlbedo:
-    """The mean albedo of some terms of a material; the two that were last asked for are kept, as a drag needs."""
+    """The mean albedo of some terms of a material; the last two results are cached for dragging."""
 
     def __init__(self, material: Editable, terms: Sequence[str]) -> None:
         self._name = material.name

@@ -6,8 +6,8 @@
     values = session.picture(0)
     session.undo()
 
-A part of the picture is computed anew only where one of its own curves changed. A `Stroke` is what happens while one
-curve is dragged: the others are held (eq. 26), and every frame adds the few wavelets that matter most (`wavelets`).
+A part of the picture is recomputed only if one of its own curves changed. A `Stroke` is the drag of one curve: the
+other curves stay fixed (eq. 26), and every frame adds the few most important wavelets (`wavelets`).
 """
 
 from dataclasses import dataclass, field
@@ -44,7 +44,7 @@ class Session:
 
     @property
     def changed(self) -> dict[Address, Bands]:
-        """Those that are not as they started."""
+        """Return the curves that differ from their start."""
         start = self._kept[START]
         return {
             address: curve
@@ -62,9 +62,9 @@ class Session:
         raise BadInput(where="material", found=repr(name), expected=f"one of {known}")
 
     def set(self, curves: dict[Address, Bands]) -> None:
-        """Change some curves in one step, which undoes in one.
+        """Change some curves in one step that one `undo` reverts.
 
-        Raises BadInput for curves that are not there or do not fit; nothing is changed then.
+        Raises BadInput for unknown or unsuitable curves, and changes nothing in this case.
         """
         checked = {address: self.material(address[0]).checked(address[1:], curve) for address, curve in curves.items()}
         del self._states[self._now + 1 :]
@@ -95,7 +95,8 @@ class Session:
     def keep_albedo(self, address: Address) -> None:
         """Scale a curve, in each channel, until its material has the mean albedo that it had at the start.
 
-        The mean is that under uniform light. Raises BadInput for a curve that is not there or that no factor helps.
+        The mean is taken under uniform light. Raises BadInput for an unknown curve, and if no factor reaches the
+        albedo.
         """
         slot = self.material(address[0]).slot(address[1:])
         curve = self._states[self._now][address]
@@ -116,21 +117,21 @@ class Session:
         return torch.from_numpy(mean_weights()) @ torch.tensor(found.values, dtype=torch.float64)
 
     def undo(self) -> bool:
-        """Go back one step; whether there was one."""
+        """Undo one step; return whether there was one."""
         if self._now == 0:
             return False
         self._now -= 1
         return True
 
     def redo(self) -> bool:
-        """Go forth one step that was undone; whether there was one."""
+        """Redo one undone step; return whether there was one."""
         if self._now + 1 == len(self._states):
             return False
         self._now += 1
         return True
 
     def keep(self, name: str) -> None:
-        """Keep all curves as they are under a name, for presets and for A against B. "start" is taken."""
+        """Store all curves under a name, for presets or to compare A with B; "start" is reserved."""
         if name == START:
             wanted = "another: it means the curves as they started"
             raise BadInput(where="preset", found=f"the name {name!r}", expected=wanted)
@@ -138,11 +139,11 @@ class Session:
 
     @property
     def kept(self) -> tuple[str, ...]:
-        """Names that `recall` knows."""
+        """Return the names that `recall` accepts."""
         return tuple(self._kept)
 
     def recall(self, name: str) -> None:
-        """Set all curves to what was kept, a step of its own. Raises BadInput for a name that was not."""
+        """Set all curves to a stored state, in one step. Raises BadInput for an unknown name."""
         if name not in self._kept:
             raise BadInput(where="preset", found=repr(name), expected=f"one of {', '.join(self._kept)}")
         self.set(self._kept[name])
@@ -165,7 +166,7 @@ class Session:
         return total
 
     def edited(self, name: str) -> Edited:
-        """Return a material with its curves as they are, as a `Reflectance`."""
+        """Return a material with its current curves, as a `Reflectance`."""
         material = self.material(name)
         own = {address[1:]: curve for address, curve in self.curves.items() if address[0] == name}
         return material.edited(own)
@@ -183,7 +184,7 @@ class Session:
 class Stroke:
     """One curve while it is dragged; `finish` makes it a step of the session.
 
-    `parts` are the increments of the session's parts, by number, that the curve counts in.
+    `parts` are the increments of those parts of the session, by index, that depend on the curve.
     """
 
     session: Session
@@ -214,11 +215,11 @@ class Stroke:
             part.set_curve(self.curve.values)
 
     def update(self, terms: int = TERMS) -> int:
-        """One frame: add that many wavelets to every part; how many were lacking at most. 0 says that it is settled."""
+        """Add `terms` wavelets to every part; return the most that were lacking, 0 when the picture is settled."""
         return max((part.update(terms) for part in self.parts.values()), default=0)
 
     def picture(self, view: int) -> Tensor:
-        """Return R (P, C) as far as it is updated; curves over θo and what multiplies a part are exact at once."""
+        """Return R (P, C) of the updates so far; curves over θo and other factors of a part are exact at once."""
         session = self.session
         total = session.picture(view)
         prepared, curves = session.prepared, session.curves

@@ -1,4 +1,4 @@
-"""What share of a triangle lies in each band of an angle, by the angle at its corners alone.
+"""Compute the share of a triangle in each band of an angle, from the angle at its corners alone.
 
 See `overlap`, whose compiled parts these are: y is 2 sin(γ/2), linear over the triangle.
 """
@@ -96,7 +96,7 @@ def bend(y: np.ndarray, n: int) -> float:  # pragma: no cover (compiled)
 def alike(
     t: np.ndarray, first: int, last: int, edges: np.ndarray, sizes: np.ndarray, m: int
 ) -> bool:  # pragma: no cover (compiled)
-    """Return whether the shares below all edges are alike, of the whole (row 4) and of its four together."""
+    """Return whether the whole triangle (row 4) and its four parts have the same shares below all edges."""
     for band in range(first + 1, last + 1):
         parts = 0.0
         for k in range(4):
@@ -110,7 +110,7 @@ def alike(
 def band_shares(
     t: np.ndarray, k: int, edges: np.ndarray, looked: np.ndarray, part: float, shares: np.ndarray
 ) -> tuple[int, int]:  # pragma: no cover (compiled)
-    """(first, last) band of row k of `t`; `part` times the share of each of these from the beginning of `shares`."""
+    """Add `part` times the share of each band of row k to the start of `shares`; return (first, last) band."""
     first, last = band_at(t[k, 0], edges, looked), band_at(t[k, 2], edges, looked)
     a, b, c, rise, fall = t[k, 0], t[k, 1], t[k, 2], part * t[k, 3], part * t[k, 4]
     below, i = 0.0, first

@@ -1,4 +1,4 @@
-"""A prepared scene in one file (.npz), written whole or not at all: minutes to compute, megabytes to keep.
+"""A prepared scene in one file (.npz) of some megabytes, written atomically.
 
 The file stores low-rank transports in 16 bits (`block_floats`) and the visible surfaces of the views. Meshes, materials
 and light are read from the scene again, and a digest of them detects a file that belongs to another scene. The digest
@@ -34,7 +34,7 @@ _MOST, _UNIT = 1e15, 1.0 + 1e-3
 
 
 def digest_of(scene: EditScene, triangles: int) -> str:
-    """Return what tells one scene from another (SHA-256, hexadecimal)."""
+    """Return the digest of a scene (SHA-256, hexadecimal)."""
     digest = hashlib.sha256()
 
     def tell(*values: object) -> None:
@@ -73,9 +73,9 @@ def _views_text(scene: EditScene) -> str:
 
 
 def write_prepared(path: str | os.PathLike[str], prepared: PreparedScene, triangles: int) -> None:
-    """Write a prepared scene, made with about that many triangles.
+    """Write a prepared scene; `triangles` is the number that it was prepared with.
 
-    Raises BadInput for an unwritable place, and for transports in full, which are too large to keep.
+    Raises BadInput for a path that cannot be written, and for uncompressed transports, which are too large to store.
     """
     arrays: dict[str, np.ndarray] = {}
     for number, seen in enumerate(prepared.pixels):
@@ -112,7 +112,7 @@ def write_prepared(path: str | os.PathLike[str], prepared: PreparedScene, triang
 def read_prepared(path: str | os.PathLike[str], scene: EditScene) -> PreparedScene:
     """Return what `write_prepared` wrote of this scene.
 
-    Raises BadInput for a file that is none or damaged, and one of another scene, light, view or material.
+    Raises BadInput for a damaged or foreign file, and for a file of another scene, light, view or material.
     """
     arrays, header = read_scene_archive(Path(path), _WHAT)
     fields = Fields(f"{path}: ", header)

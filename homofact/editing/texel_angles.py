@@ -1,8 +1,8 @@
-"""Which angles a texture knows: γ at each texel, where γ is a function of the place in the texture alone.
+"""The angles that a texture determines: γ at each texel, if γ depends on the texture coordinates alone.
 
-A fixed projection takes coordinates as they are: θh, θd, θi or θo along an axis; the parabolic map of h, d, ωi or ωo,
-whose radius is tan(θ/2); θh and φh, or the map of h, from which γα, γβ, θx and θy follow too. A warp is undone.
-A searched projection mixes its coordinates and knows none.
+A fixed projection uses coordinates unchanged: θh, θd, θi or θo along an axis, or the parabolic map of h, d, ωi or ωo,
+whose radius is tan(θ/2). θh with φh, or the map of h, also determine γα, γβ, θx and θy. A warp is inverted. A searched
+projection mixes its coordinates, so that its texture determines no angle.
 """
 
 import math
@@ -20,7 +20,7 @@ _OF_DISC = {"i": "theta_i", "o": "theta_o", "h": "theta_h", "d": "theta_d"}
 
 
 def angles_of_texels(term: Term[Any]) -> dict[str, Tensor]:
-    """γ (rows, columns) in radians of every texel, by the angle's name; empty where the texture knows none.
+    """Return γ (rows, columns) in radians of every texel, by angle name; empty if no angle is determined.
 
     Texels beyond the rim of a disc count as on it.
     """

@@ -79,7 +79,7 @@ class Edit:
         return torch.lerp(logs[number], logs[number + 1], (place - number)[..., None])
 
     def log_of_pairs(self, wi: Tensor, wo: Tensor) -> Tensor:
-        """Return what is to be added to the logarithm of f at pairs (N, 3), (N, C)."""
+        """Return the change (N, C) of the logarithm of f at pairs (N, 3)."""
         found = self.log_at(angle(self.angle, wi, wo))
         return found + self.log_at(angle("theta_o", wi, wo)) if self.also_outgoing else found
 
@@ -97,11 +97,12 @@ class Edit:
 
 @dataclass(frozen=True)
 class AppliedEdit:
-    """A fit with an edit in its textures, and what that leaves, over held-out pairs.
+    """A fit with an edit in its textures, and the errors of the edit over held-out pairs.
 
-    `log_rms` is of Σ textures against Σ before + log r; `rms` of f against r f, relative, cosine-weighted; `by_epsilon`
-    is the same error if log r were added exactly, which ε causes alone, and which other errors can offset; `clamped`
-    the share of pairs where f is cut at zero and r f is not.
+    `log_rms` is the RMS error of the logarithm: Σ textures against Σ before + log r. `rms` is the relative,
+    cosine-weighted RMS error of f against r f. `by_epsilon` is this error if log r were added exactly: the part that ε
+    alone causes. Other errors can offset it. `clamped` is the share of pairs where f is cut at zero although r f is not
+    zero.
     """
 
     fit: Factorization
@@ -122,7 +123,7 @@ class AppliedEdit:
 
 
 def edits_of(material: Editable, curves: Mapping[Place, Bands]) -> tuple[Edit, ...]:
-    """Return the edits that take a one-term material's start to these curves; places that are not named stay.
+    """Return the edits that change a one-term material from its start curves to `curves`.
 
     Raises BadInput for a material of several terms, whose edits are no factor of f.
     """
@@ -142,10 +143,11 @@ def edits_of(material: Editable, curves: Mapping[Place, Bands]) -> tuple[Edit, .
 
 
 def apply_edit(fit: Factorization, edit: Edit, way: str | None = None, refine: int = 1) -> AppliedEdit:
-    """The fit with the edit in its textures: by `way`, or by texels where some texture knows the angle, else solved.
+    """Apply an edit to a fit's textures: by `way`, else by texels if a texture determines the angle, else "solve".
 
-    `refine` is for "texels": steps between two texels that one becomes, along the axes of that texture. Raises BadInput
-    for another way, a ratio of other channels, and texels where no texture knows the angle.
+    `refine` is for "texels": it divides each step between two texels into `refine` steps, along the axes of that
+    texture. Raises BadInput for another way, for a ratio of other channels, and for "texels" if no texture determines
+    the angle.
     """
     if way is not None and way not in WAYS:
         raise BadInput(where="way", found=repr(way), expected=f"one of {', '.join(WAYS)}")
@@ -171,7 +173,7 @@ def apply_edit(fit: Factorization, edit: Edit, way: str | None = None, refine: i
 
 
 def undo_edit(fit: Factorization) -> Factorization:
-    """Return the fit without its last edit. Raises BadInput where it has none, and for a record that is none."""
+    """Return the fit without its last edit. Raises BadInput if it has no edit or its record is invalid."""
     records = fit.provenance.get(PROVENANCE, [])
     if not records:
         raise BadInput("the fit has no edit", where="undo", expected="one that was edited")
@@ -297,7 +299,7 @@ def _judged(before: Factorization, edit: Edit, after: Factorization, way: str) -
 
 
 def relative_rms(before: Factorization, edit: Edit, after: Reflectance) -> tuple[float, float, float]:
-    """(relative RMS of `after` against r f, the part of ε alone, share of pairs cut at zero), cosine-weighted pairs."""
+    """Return (relative RMS of `after` against r f, RMS by ε alone, share of pairs cut at zero), cosine-weighted."""
     wi, wo = draw_cosine_weighted(HELD_OUT, torch.Generator().manual_seed(SEED + 2))
     ratio = torch.exp(edit.log_of_pairs(wi, wo))
     wanted, found = ratio * before.evaluate(wi, wo), after.evaluate(wi, wo)

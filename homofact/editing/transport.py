@@ -1,4 +1,4 @@
-"""The light that reaches the viewer as a linear function of one curve, or a bilinear one of two (eq. 6 and 23).
+"""The light towards the viewer as a linear function of one curve or a bilinear function of two (eq. 6, 23).
 
 R (P, C) = Σ_j c_j T_j, or Σ_jk c^A_j c^B_k U_jk, for the P pixels that one term of one object has in a view. There are
 two forms with one interface. `FullTransport` stores every band of every pixel and is exact. `lowrank.LowRank` stores a

@@ -4,13 +4,14 @@ The transform S is periodic and orthonormal: at each level the coarse half of th
 [d1 d2 d3 d4] and high-pass [d4 −d3 d2 −d1] again, down to two of each. Curves and T are both transformed, so that
 T · c = (S T) · (S c).
 
-A picture by increments keeps what it shows, c_effective. Each frame adds the few largest coefficients of what it lacks,
+An incremental picture stores the coefficients that it shows, c_effective. Each frame adds the few largest missing
+coefficients,
 
     c_diff = c_perfect − c_effective (29),   R += T · c̃_diff (30),   c_effective += c̃_diff (31),
 
-and goes on while nothing is edited, until nothing is lacking. A coefficient that is shown is set to the one that is
-wanted and not added to, so that rounding leaves no rest; what adds up is the rounding of R alone, 1e-7 of each change,
-and `refresh` takes that out.
+and goes on while nothing is edited, until nothing is lacking. A shown coefficient is set to its target value instead of
+incremented, so that rounding does not accumulate in c_effective. Only the rounding of R accumulates, 1e-7 of each
+change, and `refresh` removes it.
 """
 
 import math
@@ -51,7 +52,7 @@ def _step(values: Tensor) -> tuple[Tensor, Tensor]:
 
 
 def largest(coefficients: Tensor, count: int) -> Tensor:
-    """The numbers of the `count` coefficients (J,) that are largest, of those that are not 0; (n,) int64, ascending."""
+    """Return the indices (n,) int64, ascending, of the `count` largest coefficients (J,) that are not 0."""
     order = torch.argsort(coefficients.abs(), descending=True, stable=True)[:count]
     return order[coefficients[order] != 0].sort().values
 
@@ -60,8 +61,8 @@ def largest(coefficients: Tensor, count: int) -> Tensor:
 class Incremental:
     """The picture of one curve by increments.
 
-    `transport` (C, J, P) float32 is S T, a coefficient's pixels side by side; start from `started`. `shown` is R (P, C)
-    float64 of the coefficients `effective` (J, C).
+    `transport` (C, J, P) float32 is S T, with the pixels of a coefficient contiguous. `shown` is R (P, C) float64 of
+    the coefficients `effective` (J, C). Use `started` or `of` to make one.
     """
 
     transport: Tensor
@@ -90,11 +91,11 @@ class Incremental:
 
     @property
     def settled(self) -> bool:
-        """Whether what is shown is what is wanted."""
+        """Return whether the shown coefficients equal the target ones."""
         return bool(torch.equal(self.perfect, self.effective))
 
     def update(self, terms: int = TERMS) -> int:
-        """Return one frame: add the `terms` largest coefficients that are lacking; how many of them there were.
+        """Add the `terms` largest missing coefficients, as one frame; return how many were missing.
 
         A coefficient counts once for all channels, by the largest of them.
         """
@@ -109,12 +110,12 @@ class Incremental:
         return len(numbers)
 
     def refresh(self) -> None:
-        """R anew from all coefficients that are wanted."""
+        """Recompute R from all target coefficients."""
         self.effective = self.perfect.clone()
         self.shown = self.full()
 
     def full(self) -> Tensor:
-        """Return the whole sum (P, C), float64, of what is wanted."""
+        """Return the whole sum (P, C), float64, of the target coefficients."""
         curve = self.perfect.to(self.transport)
         return torch.stack([curve[:, c] @ self.transport[c] for c in range(curve.shape[1])], 1).to(torch.float64)
 

@@ -1,18 +1,20 @@
-"""What an eye would say of a fit: where its light goes, and how far two pictures of it lie from the source's.
+"""Measure the visible errors of a fit: its reflected light, and pictures of a sphere beside those of the source.
 
-The energy is `evaluation.energy`'s. The pictures are of a sphere, each pair at one exposure chosen from the source:
+`evaluation.energy` computes the energy. The pictures show a sphere. The picture of the fit has the same exposure as
+that of the source, which is chosen from the source:
 
 * under a small lamp: `PIXELS`² under the default directional light, as `compare.png` shows it;
-* under the sky of `rendering.fixed_lights` (`evaluation.fixed_pictures`). Exposed for the middle and under the filmic
-  curve, since a gloss reflects lamps many times as bright as white;
+* under the sky of `rendering.fixed_lights` (`evaluation.fixed_pictures`). The exposure maps the median brightness to
+  middle grey, and the curve is filmic, since a glossy material reflects lamps many times as bright as white;
 * under the light of a study in which people graded approximations (`evaluation.opinion`), at one exposure for all
-  materials: the grade that they would give.
+  materials. This picture predicts the grade that people would give.
 
-A third figure is the share of the logarithms that the fit explains, at `PAIRS` new pairs in the discs, which no fit
-has used: with only the held-out samples of a fit, this share has an error of several per cent.
+Another figure is the share of the variance of the logarithms that the fit explains. It is measured at `PAIRS` new pairs
+of directions in the discs, which no fit has used. Measured only on the held-out samples, this share would have an
+error of several per cent.
 
-PSNR is of the pictures' encoded values. A source that merely interpolates samples has no light of its own to be
-compared: there is no answer then.
+PSNR compares the encoded values of the pictures. There are no figures if the source only interpolates samples, since it
+has no reference values between them.
 """
 
 import math
@@ -50,7 +52,7 @@ Figures = Mapping[str, float | None]
 
 
 def mean_figures(several: Sequence[Figures]) -> dict[str, float | None]:
-    """Return the mean of each of the numbers of several appearances, None where one of them has none."""
+    """Return the mean of each figure over several appearances; None if one of them lacks the figure."""
     means: dict[str, float | None] = {}
     for name in LIGHT:
         values = [float(value) for figures in several if (value := figures[name]) is not None]
@@ -60,13 +62,13 @@ def mean_figures(several: Sequence[Figures]) -> dict[str, float | None]:
 
 @dataclass(frozen=True)
 class Appearance:
-    """`energy`, and the PSNR in dB of the sphere under a lamp and under the sky; infinite where nothing differs.
+    """The visible errors of a fit: `energy`, and the PSNR in dB of a sphere under a lamp and under the sky.
 
-    `explained` is the share of the variance of the source's logarithms that the fit explains, of its worst channel;
-    None of a reflectance that has no transform to take logarithms by. `measured` is the energy against the measurement
-    with the sample's tilt left in (`brdf.tilt`), None where none was undone. `off_light` and `off_sky` are of the same
-    pictures before any curve: Σ|fit − source| over Σ source of the radiance. `study` is the mean CIEDE2000 under the
-    study's light.
+    PSNR is infinite if the pictures are equal. `explained` is the share of the variance of the source's logarithms that
+    the fit explains, for the worst channel. It is None if the reflectance has no log transform. `measured` compares the
+    energy with the measurement before homofact corrected the specimen's tilt (`brdf.tilt`). It is None if no tilt was
+    corrected. `off_light` and `off_sky` compare the radiance of the same pictures, before the tone curve: Σ|fit −
+    source|/Σ source. `study` is the mean CIEDE2000 under the study's light.
     """
 
     energy: EnergyErrors
@@ -80,7 +82,7 @@ class Appearance:
 
     @property
     def opinion(self) -> Opinion | None:
-        """The grade that people would give; None where the pictures were not compared."""
+        """The predicted grade that people would give; None if the pictures were not compared."""
         return opinion_table().law.opinion(self.study) if math.isfinite(self.study) else None
 
     @property
@@ -90,22 +92,22 @@ class Appearance:
 
     @property
     def rms_measured(self) -> float:
-        """`EnergyErrors.rms_cosine` against the measurement as it was; NaN where no tilt was undone."""
+        """`EnergyErrors.rms_cosine` against the measurement before tilt correction; NaN if no tilt was corrected."""
         return math.nan if self.measured is None else self.measured.rms_cosine
 
     @property
     def floor_measured(self) -> float:
-        """`EnergyErrors.floor_cosine` of the measurement as it was; NaN where no tilt was undone."""
+        """`EnergyErrors.floor_cosine` of the measurement before tilt correction; NaN if no tilt was corrected."""
         return math.nan if self.measured is None else self.measured.floor_cosine
 
     @property
     def figures(self) -> dict[str, float | None]:
-        """The single numbers by metric (`metric_table.LIGHT`); what is infinite is None."""
+        """The value of each metric of `metric_table.LIGHT`; None for values that are not finite."""
         values = {name: METRICS[name].formula(self) for name in LIGHT}
         return {name: value if math.isfinite(value) else None for name, value in values.items()}
 
     def record(self) -> dict[str, Any]:
-        """Return a JSON-able dictionary; what is infinite is None."""
+        """Return a JSON-able dictionary, with None for values that are not finite."""
         off = {"off_light": self.off_light, "off_sky": self.off_sky}
         seen = {} if self.opinion is None else self.opinion.record()
         numbers = {name: x if math.isfinite(x) else None for name, x in off.items()}
@@ -115,8 +117,8 @@ class Appearance:
 def appearance(fit: Reflectance, source: Source) -> Appearance | None:
     """Return the figures of a fit against its source; None if the source consists only of samples.
 
-    What is computed of the source is kept for its next fit, as long as the source object lives. Raises BadInput where
-    their channels differ in number.
+    The evaluations of the source are cached for its next fit, as long as the source object exists. Raises BadInput if
+    fit and source have different numbers of channels.
     """
     if made_of_samples(source.reflectance):
         return None

@@ -1,17 +1,18 @@
-"""Error metrics of a reflectance against samples of another, beside the six of `evaluation.metrics`.
+"""Error metrics that compare a reflectance with samples of another, in addition to the six of `evaluation.metrics`.
 
-Each is one number and takes the same `EvaluatedPairs`; `metric_table` has their names, units and words. Means are over
-samples and channels, each sample of weight 1, unless a docstring states otherwise. Two want another measure than that
-of the samples' places:
+Each metric returns one number and takes an `EvaluatedPairs`; `metric_table` lists names, units and labels. Means are
+over samples and channels, and every sample has weight 1, unless a docstring states otherwise. Two metrics weight the
+directions differently:
 
-* uniform on both hemispheres (`cosine_rms`): a sample counts weight / density, the density in solid angle
-  that its sampling states in provenance["sampling"]["scheme"]: in discs, uniform in the parabolic disc, it
-  falls like 1/(1 + cosθ)² (du dv = dω/(1 + cosθ)²); by cosine it is cosθ/π; a grid is one of the discs. Samples
-  of a measurement state none: they count by their weights alone, and the number is one of that measurement.
-* sinθi (`low_rms`), as published.
+* `cosine_rms` averages uniformly over both hemispheres. The weight of a sample is divided by its sampling density in
+  solid angle, which follows from provenance["sampling"]["scheme"]. For `discs`, the density is proportional to 1/(1 +
+  cosθ)², since du dv = dω/(1 + cosθ)²; the same applies to a grid in the discs. For cosine sampling it is cosθ/π.
+  Samples of a measurement record no scheme. Only their weights count, so the result depends on how the measurement was
+  sampled.
+* `low_rms` weights samples by sinθi, as published.
 
-f is in sr⁻¹ without the cosine; θi is the light's angle, θo the viewer's, θh the half vector's, from the normal.
-What is not defined (a band without samples, an albedo of a missing source) is NaN.
+f is in sr⁻¹ without the cosine; θi is the light's angle, θo the viewer's, θh the half vector's, from the normal. A
+metric that is not defined (a band without samples, an albedo without a source) is NaN.
 """
 
 import math
@@ -42,7 +43,7 @@ _FLOOR = 1e-3
 class EvaluatedPairs:
     """A reflectance, the samples that it is compared with, and the log transform of its fit.
 
-    `source` is the source of the samples if it can be evaluated everywhere (albedo); else None.
+    `source` is the source of the samples if it can be evaluated everywhere, which `albedo_error` needs; else None.
     """
 
     reflectance: Reflectance
@@ -88,7 +89,7 @@ def male(judged: EvaluatedPairs) -> float:
 
 
 def stated_density(samples: Samples) -> str:
-    """In words, what a mean over samples is over, for `cosine_rms`."""
+    """Describe the distribution over which `cosine_rms` averages, for messages."""
     scheme = scheme_of(samples)
     if scheme is not None:
         return f"uniform on both hemispheres, each sample over the density of its drawing ({scheme})"
@@ -96,7 +97,7 @@ def stated_density(samples: Samples) -> str:
 
 
 def uniform_weights(samples: Samples) -> Tensor:
-    """Return what each sample counts (N,), sum 1, for a mean over both hemispheres as the module's head says."""
+    """Return sample weights (N,) with sum 1 for a uniform mean over both hemispheres (see the module docstring)."""
     weights = samples.weights if scheme_of(samples) is None else solid_angles(samples)
     return weights / weights.sum()
 
@@ -104,7 +105,7 @@ def uniform_weights(samples: Samples) -> Tensor:
 def cosine_rms(judged: EvaluatedPairs) -> float:
     """Cosine-weighted RMS √mean((f − f̂)² cos²θi) over directions uniform on both hemispheres, in sr⁻¹.
 
-    Ngan, Durand and Matusik 2005 and Wang et al. 2004; the measure is the module head's.
+    Ngan, Durand and Matusik 2005 and Wang et al. 2004. The module docstring explains the weights of the samples.
     """
     squared = ((judged.found - judged.expected) * judged.cos_i[:, None]) ** 2
     return float((squared.mean(1) * uniform_weights(judged.samples)).sum().sqrt())
@@ -113,8 +114,8 @@ def cosine_rms(judged: EvaluatedPairs) -> float:
 def cube_root_rms(judged: EvaluatedPairs) -> float:
     """√mean((((f − f̂) cosθi)²)^⅓), in sr⁻⅓ (Fores, Ferwerda and Gu 2012).
 
-    The root is read as that of every squared difference, under the mean: outside it the order of fits would be
-    that of the RMS itself, and the highlight would not be damped.
+    The paper's cube root is applied to every squared difference before the mean. Applied after the mean, it would rank
+    fits as the RMS does and would not damp the highlight.
     """
     squared = ((judged.found - judged.expected) * judged.cos_i[:, None]) ** 2
     return float((squared ** (1 / 3)).mean().sqrt())
@@ -123,8 +124,8 @@ def cube_root_rms(judged: EvaluatedPairs) -> float:
 def low_rms(judged: EvaluatedPairs) -> float:
     """RMS of log(1 + f cosθi) − log(1 + f̂ cosθi), each sample weighted by sinθi (Löw et al. 2012).
 
-    The sine is the solid angle of a grid of equal angles; it is applied whatever the sampling. NaN where all
-    light comes along the normal.
+    sinθi is proportional to the solid angle of a grid cell with equal steps of angle; it is applied for every sampling
+    scheme. NaN if all light comes along the normal.
     """
     sine = torch.sin(to_spherical(judged.samples.wi)[0])
     total = float(sine.sum())
@@ -136,7 +137,7 @@ def low_rms(judged: EvaluatedPairs) -> float:
 def log_rms_80(judged: EvaluatedPairs) -> float:
     """logRMS80: RMS of log((f c + 1e-3)/(f̂ c + 1e-3)), c = max(cosθi cosθo, 1e-3), both angles under 80°.
 
-    NaN where no sample is.
+    NaN if there are no such samples.
     """
     inside = (judged.cos_i > _ANGLES) & (judged.cos_o > _ANGLES)
     if not bool(inside.any()):
@@ -147,20 +148,21 @@ def log_rms_80(judged: EvaluatedPairs) -> float:
 
 
 def reciprocity(judged: EvaluatedPairs) -> float:
-    """95th percentile of |f(ωi, ωo) − f(ωo, ωi)| over their mean, of the fit alone (`brdf.quality.faults`)."""
+    """Return the 95th percentile of |f(ωi, ωo) − f(ωo, ωi)| over their mean, for the fit (`brdf.quality.faults`)."""
     return reciprocity_of(judged.reflectance)["p95"]
 
 
 def largest_albedo(judged: EvaluatedPairs) -> float:
     """Return the largest directional-hemispherical albedo ∫ f̂ cosθo dωo of the fit, over channels and θi of 0…75°.
 
-    By a quadrature over half vectors (`brdf.quality.faults.albedo`); anisotropic ones are lit along x and along y.
+    Uses a quadrature over half vectors (`brdf.quality.faults.albedo`). Anisotropic materials are lit along x and along
+    y.
     """
     return max(float(values.max()) for values in _albedos(judged.reflectance, judged.samples.isotropic))
 
 
 def energy_above_one(judged: EvaluatedPairs) -> float:
-    """By how much `largest_albedo` exceeds 1; 0 where it does not."""
+    """Return how much `largest_albedo` exceeds 1, or 0 if it does not."""
     return max(largest_albedo(judged) - 1.0, 0.0)
 
 
@@ -176,7 +178,7 @@ def albedo_error(judged: EvaluatedPairs) -> float:
 def band_error(low: float, high: float, of: str = "theta_i") -> Callable[[EvaluatedPairs], float]:
     """Return `male` of the samples with low ≤ θ < high in degrees, θ that of the light or ("theta_h") the half vector.
 
-    The last band holds 90° itself. NaN where it holds no sample.
+    The last band includes 90°. NaN for a band without samples.
     """
 
     def error(judged: EvaluatedPairs) -> float:

@@ -1,8 +1,8 @@
-"""Charts of error against cost: which fits are run, and all of them on the same splits of their source.
+"""Charts of error against cost: choose the fits and run all of them on the same splits of their source.
 
-A plan is methods × textures × sizes × searches × splits × seeds, of what each method has. Each finished run becomes a
-line of a CSV at once, so that an interrupted chart goes on where it stopped; what is not in it is fitted
-and measured as in a comparison.
+A plan combines methods × textures × sizes × searches × splits × seeds, as far as each method has these settings. Every
+finished run is appended to a CSV file at once, so an interrupted chart resumes where it stopped. Runs without a row in
+the CSV are fitted and measured as in a comparison.
 """
 
 import dataclasses
@@ -33,7 +33,7 @@ from homofact.version import __version__
 class Run:
     """One fit of a chart; `label` is the method as the user wrote it ("mccool:wi+h").
 
-    `split_seed` draws the held-out samples; the fit's own seed is in its settings.
+    `split_seed` is the seed of the held-out samples; the seed of the fit is in its settings.
     """
 
     label: str
@@ -52,12 +52,12 @@ class Run:
 
     @property
     def textures(self) -> int:
-        """How many textures are asked for."""
+        """The requested number of textures."""
         return self.settings.most_textures
 
     @property
     def name(self) -> str:
-        """The run in words, with the seeds of split and fit where they differ."""
+        """The name of the run for messages, with both seeds if those of split and fit differ."""
         own = self.settings.seed
         seeds = "" if own == self.split_seed else f", split {self.split_seed}, seed {own}"
         return f"{run_name(self.series, self.textures, self.settings.size)}{seeds}"
@@ -71,12 +71,12 @@ def plan(
     seeds: int = 1,
     splits: Sequence[int] = (),
 ) -> tuple[Run, ...]:
-    """Every run of a chart, smallest textures first; `methods` gives each label the settings that it starts from.
+    """Return all runs of a chart, smallest textures first; `methods` maps each label to its initial settings.
 
-    Each fit is run by `seeds` seeds, from that of its settings on, on each of the splits that are drawn by the seeds
-    `splits`; if that is empty, on the one that the seed of its settings draws. What a method has not is not multiplied
-    out: McCool's list is run once a size, and nmf, which draws nothing, by one seed. Raises BadInput for an empty list,
-    fewer than one seed, and for all that the methods themselves refuse.
+    Each fit is run with `seeds` consecutive seeds, starting at the seed of its settings, on the split of every seed in
+    `splits`. If `splits` is empty, the seed of the settings determines the split. Settings that a method does not have
+    are not varied: McCool's list of projections is run once per size, and nmf, which is deterministic, with one seed.
+    Raises BadInput for an empty list, for fewer than one seed, and for settings that a method rejects.
     """
     for name, choices in (("methods", methods), ("textures", textures), ("sizes", sizes), ("searches", searches)):
         if not choices:
@@ -134,14 +134,14 @@ def finished(run: Run, row: ComparisonRow, held_out: float, wanted: Identity) ->
 
 
 def found_rows(source: Source, runs: Sequence[Run], ledger: ChartLedger, held_out: float) -> list[ChartRow | None]:
-    """The lines that `ledger` has for `runs` on `source`, in their order; None for those that are to be fitted."""
+    """Return the rows of `ledger` for `runs` on `source`, in their order; None for runs that are not fitted yet."""
     return [ledger.find(wanted) for wanted in _identities(source, runs, held_out)]
 
 
 def estimate_charts(
     charts: Sequence[tuple[Source, ChartLedger]], runs: Sequence[Run], held_out: float = HELD_OUT
 ) -> TimeEstimate:
-    """Return how long it takes to run `runs` on every source, one after the other; what its ledger has is done."""
+    """Return the time to run `runs` on all sources in turn; runs that a source's ledger contains count as done."""
     jobs, done = [], {}
     for source, ledger in charts:
         known: dict[str, int] = {}
@@ -174,11 +174,11 @@ def run_chart(
     progress: ProgressCallback | None = None,
     ended: Callable[[int, ChartRow], None] | None = None,
 ) -> list[ChartRow]:
-    """Return the lines of all `runs` on `source`, in their order; those in `ledger` are not fitted again.
+    """Return the rows of all `runs` on `source`, in their order; runs in `ledger` are not fitted again.
 
-    `started` is called with the place of every run that is fitted, `ended` with its place and line. A fit that was
-    interrupted is no line, even where it kept something: KeyboardInterrupt passes on, with every finished run in the
-    ledger.
+    `started` is called with the index of every run that is fitted, `ended` with its index and row. An interrupted fit
+    gives no row, even if it has a partial result. KeyboardInterrupt is re-raised, and the ledger contains every
+    finished run.
     """
     rows: list[ChartRow] = []
     warm: set[str] = set()

@@ -1,8 +1,7 @@
 """The CSV of a chart: one line per finished run, and the rules that match a line with a run.
 
-A line matches a run only if everything that could change the result agrees: the samples (by hash), every
-setting that the method reads, the held-out part and, since times are compared too, the machine and
-the version.
+A line matches a run only if everything that could change the result agrees: the samples (by hash), every setting that
+the method uses, the held-out fraction and, since times are compared too, the machine and the version.
 """
 
 import csv
@@ -52,7 +51,7 @@ class Identity:
 
     @property
     def key(self) -> str:
-        """What the run is known by."""
+        """The key that identifies the run."""
         return content_key(asdict(self))
 
 
@@ -60,10 +59,10 @@ class Identity:
 class ChartRow:
     """A finished run, as a line of the CSV.
 
-    `textures_asked` may be more than `textures`, where the search found one more not worth having. Times in
-    seconds, `bytes` of float32 texels, `held_out_part` the part of the samples; `seed` is the fit's, `split_seed` drew
-    the held-out samples; `samples_sha256` and `settings` (all that the method reads) identify the run.
-    The errors are in the units of `metrics`; what has no `appearance` has empty cells there.
+    `textures_asked` exceeds `textures` if the search found that another texture does not reduce the error. Times are in
+    seconds, and `bytes` counts float32 texels. `held_out_part` is the held-out fraction of the samples. `seed` is the
+    seed of the fit and `split_seed` that of the held-out samples. `samples_sha256` and `settings` (all that the method
+    uses) identify the run. The errors have the units of `metrics`. Without an `appearance`, its cells are empty.
     """
 
     source: str
@@ -101,16 +100,16 @@ class ChartRow:
 
     @property
     def name(self) -> str:
-        """The run in words, with the textures that were kept."""
+        """The name of the run for messages, with the number of textures that the fit has."""
         return run_name(self.series, self.textures, self.size)
 
     @property
     def is_reference(self) -> bool:
-        """Whether this is McCool's own factorization, which others are set beside."""
+        """Whether this is McCool's own factorization, with which charts compare other methods."""
         return self.label == "mccool"
 
     def record(self) -> dict[str, Any]:
-        """Return the JSON form: that of a comparison's row, and what the CSV has beyond it."""
+        """Return the JSON form: that of a comparison's row, plus the other columns of the CSV."""
         plain = {field.name: getattr(self, field.name) for field in fields(self) if field.name not in _GROUPS}
         seconds = {name: plain.pop(f"seconds_{name}") for name in ("read", "fit", "total")}
         return {
@@ -150,9 +149,9 @@ _COLUMNS = _columns()
 
 
 class ChartLedger:
-    """The CSV of a chart: the lines that are there, and one more with every run that ends.
+    """The CSV file of a chart: its existing lines, plus one line for every run that finishes.
 
-    Lines of other settings stay in the file and are never taken for a run's own.
+    Lines with other settings stay in the file and never match a run.
     """
 
     def __init__(self, path: str | os.PathLike[str], fresh: bool = False) -> None:
@@ -175,7 +174,7 @@ class ChartLedger:
         return self._lines.get(wanted.key)
 
     def append(self, row: ChartRow) -> None:
-        """One more line, in the file before this returns. Raises BadInput where it cannot be written."""
+        """Append a line and write it to the file at once. Raises BadInput if the file cannot be written."""
         self._lines[_key_of(row)] = row
         text = csv_text([list(_COLUMNS), *(_cells(line) for line in self._lines.values())])
         self.path.parent.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""The points of a chart: runs that differ in their seed or split alone are one, with the spread of their numbers."""
+"""Group runs that differ only in seed or split into one point of a chart, with the spread of their results."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from homofact.evaluation.spread import Spread
 
 @dataclass(frozen=True)
 class ChartPoint:
-    """One or more runs of one method, search, number of textures asked for and size; `rows` by split, then seed."""
+    """The runs with the same method, search, requested textures and size; `rows` are sorted by split, then seed."""
 
     rows: tuple[ChartRow, ...]
 
@@ -28,7 +28,7 @@ class ChartPoint:
 
     @property
     def splits(self) -> list[int]:
-        """The seeds that drew the splits, each once."""
+        """The seeds of the splits, each once."""
         return sorted({row.split_seed for row in self.rows})
 
     @property
@@ -43,7 +43,7 @@ class ChartPoint:
 
     @property
     def textures(self) -> str:
-        """How many textures were kept: "2", or "1–2" where the runs differ."""
+        """The number of textures of the fits: "2", or "1–2" if the runs differ."""
         low, high = (end(row.textures for row in self.rows) for end in (min, max))
         return str(low) if low == high else f"{low}–{high}"
 
@@ -53,19 +53,19 @@ class ChartPoint:
         return Spread.of(row.held_out.log_mse for row in self.rows)
 
     def by_split(self) -> dict[int, float]:
-        """Return the mean held-out Cole error on each split, by the seed that drew it."""
+        """Return the mean held-out Cole error on each split, by the seed of the split."""
         return {
             split: fmean(row.held_out.log_mse for row in self.rows if row.split_seed == split) for split in self.splits
         }
 
     @property
     def seconds(self) -> Spread:
-        """Of the fit."""
+        """Fitting time in seconds."""
         return Spread.of(row.seconds_fit for row in self.rows)
 
     @property
     def bytes(self) -> Spread:
-        """Of the textures as float32."""
+        """Bytes of the textures as float32."""
         return Spread.of(row.bytes for row in self.rows)
 
     @property
@@ -74,7 +74,7 @@ class ChartPoint:
         return Spread.of(row.fetches for row in self.rows)
 
     def record(self) -> dict[str, Any]:
-        """The JSON form: that of the first run; of several runs means, and beside them seeds, splits and spread."""
+        """Return the JSON form of the run; for several runs their means, with seeds, splits and spread."""
         records = [row.record() for row in self.rows]
         if len(records) == 1:
             return records[0]
@@ -91,9 +91,10 @@ def points_of(rows: Iterable[ChartRow]) -> list[ChartPoint]:
 
 
 def best_lower_on(points: Sequence[ChartPoint]) -> list[int | None]:
-    """Return for each point on how many splits the point of the lowest mean error errs less; None for that one itself.
+    """Return for each point the number of splits on which the best point has a lower error; None for the best point.
 
-    Several seeds on a split count once, by their mean error. Splits that a point does not have are not counted.
+    The best point is the one with the lowest mean error. Several seeds on a split count once, by their mean error.
+    Splits on which a point has no run are not counted.
     """
     best = min(points, key=lambda point: point.error.mean)
     own = best.by_split()

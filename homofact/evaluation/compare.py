@@ -1,8 +1,8 @@
-"""Several methods on one split of one source, measured alike.
+"""Fit several methods on one split of one source, and measure them in the same way.
 
-A part of the samples is held out before anything else (`evaluation.split`). For the errors isotropic samples are turned
-at random, those of the training as those held out: a fit must not be good only at the measured azimuth. Both
-errors use the fit's own ε and A, which come only from the training samples.
+A part of the samples is held out before anything else (`evaluation.split`). To measure errors, isotropic samples are
+rotated to random azimuths, both training and held-out samples, so that a fit cannot be good only at the measured
+azimuth. Training and held-out errors use the fit's own ε and A, which come only from the training samples.
 """
 
 import time
@@ -28,8 +28,8 @@ from homofact.methods.method import Method
 class ComparisonRow:
     """One method on one split of a source: the fit, its settings and its errors on training and held-out samples.
 
-    `held_out` are the errors on the split's test samples: all samples if nothing was held out. `appearance` has its
-    visible errors, None if the source consists only of samples.
+    `held_out` has the errors on the split's test samples, which are all samples if nothing was held out. `appearance`
+    has the visible errors of the fit; it is None if the source consists only of samples.
     """
 
     source: str
@@ -48,13 +48,13 @@ class ComparisonRow:
 
     @property
     def spends_bytes(self) -> bool:
-        """Whether the sizes of its textures were found, not given, or it has none."""
+        """Whether the method chose the texture sizes (for a byte budget), or the fit has no textures."""
         return self.settings.bytes is not None or not self.factorization.textures
 
     def record(self) -> dict[str, Any]:
         """Return the JSON form of the row (times in seconds, sizes in bytes as float32 texels).
 
-        "subset" says what was drawn from the training samples, None where the fit had them all.
+        "subset" describes the drawn subset of the training samples; it is None if the fit used all of them.
         """
         return {
             "source": self.source,
@@ -80,7 +80,7 @@ class ComparisonRow:
 
 
 def held_out_samples(source: Source, held_out: float, seed: int) -> Samples:
-    """Return the samples that fits of `seed` are tested on: left out of the fit, and turned at random."""
+    """Return the held-out samples of the split with this `seed`, rotated to random azimuths."""
     return source.samples.split(held_out, seed)[1].rotated_at_random(seed)
 
 
@@ -94,10 +94,10 @@ def fit_and_measure(
 ) -> ComparisonRow:
     """Fit one method on a split of the source, and measure it on both parts.
 
-    The split is drawn by `split_seed`, or by `settings.seed` where that is None. A `subset` above 0 fits (and measures
-    as training) at most so many samples, drawn by cells after the split (`brdf.stratified`): the held-out samples,
-    and so their errors, are the same with and without it. `held_out` 0 fits all samples, as `fit_split` says. Raises
-    BadInput for a part below 0 and from 1 on.
+    `split_seed` determines the split; if it is None, `settings.seed` does. A `subset` above 0 limits the number of
+    training samples. They are drawn by cells after the split (`brdf.stratified`), so the held-out samples are the same
+    with and without a subset. With `held_out` = 0, the fit uses all samples (see `fit_split`). Raises BadInput unless 0
+    ≤ `held_out` < 1.
     """
     seed = settings.seed if split_seed is None else split_seed
     return fit_split(source, Split.of(source, held_out, seed, subset), settings, progress)
@@ -105,7 +105,7 @@ def fit_and_measure(
 
 @dataclass(frozen=True)
 class FitWithErrors:
-    """A fit and its report, with its errors on the training samples, turned at random, and on those held out."""
+    """A fit and its report, with its errors on training and held-out samples, both at random azimuths."""
 
     factorization: Fitted
     report: Report
@@ -115,7 +115,7 @@ class FitWithErrors:
 
 
 def fit_baseline(source: Source, split: Split, settings: Method) -> FitWithErrors:
-    """Fit one method on a split, and measure its errors alone: a fit to compare others with, which nobody judges.
+    """Fit one method on a split and measure only its errors, as a baseline that needs no verdict.
 
     Raises BadInput as the split's parts and the fit do.
     """
@@ -139,10 +139,10 @@ def _fitted(
 def fit_split(
     source: Source, split: Split, settings: Method, progress: ProgressCallback | None = None
 ) -> ComparisonRow:
-    """Fit one method on a split of the source that there is already, and measure it on both parts.
+    """Fit one method on an existing split of the source, and measure it on both parts.
 
-    Where nothing is held out the errors called held out are on all samples at random azimuths. Raises BadInput as the
-    split's parts and the fit do.
+    If nothing is held out, the errors named held-out are those on all samples at random azimuths. Raises BadInput as
+    `Split.parts` and the fit do.
     """
     began = time.perf_counter()
     if settings.epsilon is None:

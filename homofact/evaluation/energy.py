@@ -1,25 +1,28 @@
-"""Where the light of a fit goes: its albedo, energy and highlight beside those of its source.
+"""Compare the reflected light of a fit with that of its source: albedo, energy and highlight.
 
-An error in logs at sampled places hardly sees a gloss that loses half of its light: the peak is a small part of all
-pairs of directions, and most of the flux. The figures here are integrals of f itself over both hemispheres, by the
-nodes of `geometry.quadrature`, the same for fit and source. Incidence is lit at `ALBEDO_DEGREES` for the albedo
+The log error at samples hardly changes if a highlight loses half of its light, since the peak covers few pairs of
+directions but carries most of the flux. The figures here are integrals of f itself over both hemispheres, with the
+nodes of `geometry.quadrature`, the same for fit and source. The light comes from the angles `ALBEDO_DEGREES` for the
+albedo
 
     a(θi) = ∫ f cosθo dωo,
 
-and at `LEVELS` Gauss nodes in sin²θi for what is integrated over both, ⟨g⟩ = ∫∫ g cosθi cosθo dωi dωo/π:
+and from `LEVELS` Gauss nodes in sin²θi for integrals over both directions, ⟨g⟩ = ∫∫ g cosθi cosθo dωi dωo/π:
 
 * energy ⟨f̂⟩/⟨f⟩;
-* rms √(⟨(f̂ − f)²⟩/⟨f²⟩), and the floor, the same of the source's own reciprocal part (f(ωi, ωo) + f(ωo, ωi))/2
-  against the source: no reciprocal fit has less;
-* rms_cosine and floor_cosine, the same of f cosθi cosθo, the measure of published tables: f alone grows towards grazing
-  angles, where a picture shows next to nothing of it;
-* highlight: of each incidence the nodes are sorted by the source's f (mean of the channels) and the brightest taken
-  until they hold `HIGHLIGHT` of that incidence's flux Σ f cosθo ω, the last one by the part that is wanted; highlight
-  is the fit's flux over the source's on these nodes, all incidences together. `BRIGHT_HALF` likewise. Each incidence
-  has its own, since the brightest values of most materials stand at grazing angles, where nobody looks for a highlight.
+* rms √(⟨(f̂ − f)²⟩/⟨f²⟩), and the floor: the rms of the source's reciprocal part (f(ωi, ωo) + f(ωo, ωi))/2 against the
+  source. No reciprocal fit has a smaller rms;
+* rms_cosine and floor_cosine: rms and floor of f cosθi cosθo, which published tables use. f alone grows towards grazing
+  angles, where it is hardly visible in a picture;
+* highlight: for each θi, the nodes are sorted by the source's f (mean of the channels). The brightest nodes that
+  together carry the share `HIGHLIGHT` of the flux Σ f cosθo ω at this θi are selected; the last node counts in part.
+  highlight is the fit's flux divided by the source's on these nodes, for all θi together. bright_half uses the share
+  `BRIGHT_HALF` in the same way. The selection is made for each θi separately, since the brightest values of most
+  materials are at grazing angles, where nobody looks for a highlight.
 
-Lit from one azimuth where the material is isotropic, else the mean over `brdf.symmetry.light_azimuths`. The nodes are
-good to 0.3% for isotropic peaks down to slopes of 0.001, to 1% for a peak thirty times wider one way than the other.
+An isotropic material is lit from one azimuth; otherwise the figures are means over `brdf.symmetry.light_azimuths`. The
+quadrature is accurate to 0.3% for isotropic peaks as narrow as a slope of 0.001, and to 1% for a peak that is thirty
+times wider in one direction than in the other.
 """
 
 import math
@@ -47,19 +50,20 @@ _CHUNK = 1 << 16
 
 @dataclass(frozen=True)
 class EnergyErrors:
-    """The figures of the module's head.
+    """The figures that the module docstring defines.
 
     Attributes
     ----------
     degrees : θi of the albedos.
     source_albedo, fit_albedo : per angle, one number per channel.
-    energy : fit over source, one number per channel; `energy_overall` of the sums over channels.
+    energy : fit divided by source, one number per channel; `energy_overall` is the ratio of the sums over channels.
     rms, floor, rms_cosine, floor_cosine : relative, over all channels.
     highlight, bright_half : fit over source.
-    half_width : of the source's highlight in radians of θh (`evaluation.peak`), None where it has none.
+    half_width : half width of the source's highlight in radians of θh (`evaluation.peak`), None if there is no
+        highlight.
     asymmetry : ⟨|f(ωi, ωo) − f(ωo, ωi)|⟩ over ⟨f(ωi, ωo) + f(ωo, ωi)⟩ of the source, means over the channels.
 
-    A ratio to a source of 0 is 1 where the fit is 0 too, else infinite.
+    If the source is 0, a ratio is 1 if the fit is also 0, and infinite otherwise.
     """
 
     degrees: tuple[float, ...]
@@ -94,7 +98,7 @@ class EnergyErrors:
 
     @property
     def worst_albedo(self) -> tuple[float, float, int]:
-        """(that ratio, θi in degrees, the channel's number)."""
+        """(the ratio of fit to source that is farthest from 1, its θi in degrees, the index of its channel)."""
         ratios = [
             (ratio, degrees, channel)
             for degrees, row in zip(self.degrees, self.albedo_ratio, strict=True)
@@ -103,7 +107,7 @@ class EnergyErrors:
         return max(ratios, key=lambda ratio: abs(_log(ratio[0])))
 
     def record(self) -> dict[str, Any]:
-        """Return a JSON-able dictionary; what is infinite is None."""
+        """Return a JSON-able dictionary, with None for infinite values."""
         derived = {
             "albedo_ratio": self.albedo_ratio,
             "albedo_mean": self.albedo_mean,
@@ -116,9 +120,10 @@ class EnergyErrors:
 class SourceLight:
     """The evaluations of a source, computed once for any number of fits.
 
-    `azimuths` are those that it is lit from, `nodes` the (rings, spokes) of its directions. Over (azimuth, θi, node),
-    θi of `ALBEDO_DEGREES` first: `cosine` cosθo times solid angle, `both_cosines` cosθi cosθo, `values` (..., C) f.
-    `floor`, `floor_cosine`, `half_width` and `asymmetry` as in `EnergyErrors`.
+    `azimuths` are the azimuths of the light, and `nodes` are the numbers of (rings, spokes) of the viewing directions.
+    The other arrays have the axes (azimuth, θi, node), with the θi of `ALBEDO_DEGREES` first: `cosine` is cosθo times
+    the solid angle, `both_cosines` is cosθi cosθo, and `values` (..., C) is f. `floor`, `floor_cosine`, `half_width`
+    and `asymmetry` as in `EnergyErrors`.
     """
 
     azimuths: tuple[float, ...]
@@ -148,7 +153,7 @@ class SourceLight:
         return cls(azimuths, nodes, cosine, cosines, values, floor, floor_cosine, half_width(source), asymmetry)
 
     def errors(self, fit: Reflectance) -> EnergyErrors:
-        """Return the figures of a fit. Raises BadInput where its channels differ in number."""
+        """Return the figures of a fit. Raises BadInput if its number of channels differs from the source's."""
         if len(fit.channels) != self.values.shape[-1]:
             raise BadInput(
                 where="fit", found=f"{len(fit.channels)} channels", expected=f"the source's {self.values.shape[-1]}"
@@ -176,7 +181,7 @@ class SourceLight:
 
 
 def energy_errors(fit: Reflectance, source: Reflectance, isotropic: bool) -> EnergyErrors:
-    """Return the figures of `fit` against `source`, both to be asked at any pair of directions.
+    """Return the figures of `fit` against `source`; both must accept any pair of directions.
 
     If `isotropic`, one azimuth of the light is enough. Raises BadInput if their channels differ in number.
     """

@@ -1,7 +1,8 @@
-"""How long several fits will take, said before they begin and better known with every one that ends.
+"""Estimate the time of several fits before they start, and refine the estimate after each fit.
 
-The model of a fit's seconds is of one thread of a usual processor (AMD EPYC at 3 GHz); another machine, or other
-settings than it knows, show in the factor between the seconds measured and modelled, which the fits left to do get.
+The model gives the seconds of a fit on one thread of an AMD EPYC processor at 3 GHz. The ratio of measured to modelled
+seconds of finished fits accounts for another machine or for unusual settings. The estimate multiplies the modelled
+seconds of the remaining fits by this ratio.
 """
 
 import math
@@ -28,9 +29,10 @@ _STEP, _MODEL = 7e-4, 5.0  # of a network's training, and a fit of any other mod
 
 
 def fit_seconds(settings: Method, samples: int, known_terms: int = 0) -> float:
-    """Modelled seconds of a fit to `samples` samples, azimuth copies included, with its errors and verdict.
+    """Return the modelled seconds of a fit to `samples` samples (with azimuth copies), including errors and verdict.
 
-    `known_terms` are textures of Cole's procedure whose search an earlier fit has done (`methods.cole_search`).
+    `known_terms` is the number of textures of a Cole fit whose search an earlier fit has already done
+    (`methods.cole_search`).
     """
     size, textures = settings.size, settings.most_textures
     if isinstance(settings, Search) and settings.bytes is not None:
@@ -69,7 +71,7 @@ def _guarded(seconds: float, settings: Search | Cole) -> float:
 def training_count(source: Source, settings: Method, held_out: float, subset: int = 0) -> int:
     """Return the number of samples in the solve of a fit, including its azimuth copies.
 
-    Raises BadInput where there are too few to hold some out, before a time is promised.
+    Raises BadInput if there are too few samples to hold some out, so that this error comes before any estimate.
     """
     total = len(source.samples)
     held = round(held_out * total)
@@ -89,7 +91,7 @@ def verdict_seconds(samples: int) -> float:
 
 
 class TimeEstimate:
-    """The seconds of a list of fits: `jobs` are (method, modelled seconds) of each, in the order they are run."""
+    """The estimated time of a list of fits; `jobs` has (method, modelled seconds) per fit, in the order of the runs."""
 
     def __init__(self, jobs: Sequence[tuple[str, float]]) -> None:
         """Nothing is finished yet."""
@@ -98,15 +100,15 @@ class TimeEstimate:
         self._skipped: set[int] = set()
 
     def skip(self, place: int) -> None:
-        """The fit at `place` will not be made."""
+        """Record that the fit with index `place` will not run."""
         self._skipped.add(place)
 
     def finish(self, place: int, seconds: float) -> None:
-        """The fit at `place` is done, now or long ago, and took so many seconds."""
+        """Record that the fit with index `place` took `seconds`, in this run or an earlier one."""
         self._measured[place] = seconds
 
     def finish_first(self, count: int, seconds: float) -> None:
-        """The first `count` fits took so many seconds together; each counts for its modelled share."""
+        """Record that the first `count` fits took `seconds` in total, which are divided in proportion to the model."""
         scale = seconds / max(sum(modelled for _, modelled in self._jobs[:count]), 1e-9)
         self._measured |= {place: scale * self._jobs[place][1] for place in range(count)}
 
@@ -130,7 +132,7 @@ class TimeEstimate:
         )
 
     def words(self) -> str:
-        """Return what there is to do: "27 fits, about 4 min"."""
+        """Return the remaining work as text: "27 fits, about 4 min"."""
         return f"{self.left} fit{'' if self.left == 1 else 's'}, {about(self.seconds_left)}"
 
     def _factor(self, name: str) -> float:
@@ -145,7 +147,7 @@ class TimeEstimate:
 
 
 def about(seconds: float) -> str:
-    """Return a time that is not known exactly: "about 40 s", "about 4 min", "about 2.5 h"."""
+    """Return an approximate time as text: "about 40 s", "about 4 min", "about 2.5 h"."""
     if seconds < 10:
         return "under 10 s"
     if seconds < 90:

@@ -1,8 +1,8 @@
-"""Spheres under the two lights that fits are judged by: the fixed sky, and the light of the study of opinions.
+"""Pictures of spheres under the two lights that the verdict uses: the fixed sky and that of `evaluation.opinion`.
 
-Each of `PLACES` normals, spread evenly over the disc that the sphere is seen as, is integrated by the nodes of
-`geometry.quadrature` round the view's mirror direction, so that no noise hides a difference. A reflectance is evaluated
-once for both.
+`PLACES` normals are spread evenly over the disc of the sphere in the picture. At each normal, the light is integrated
+with the nodes of `geometry.quadrature` around the mirror direction of the view, so the pictures have no noise. The
+reflectance is evaluated once for both lights.
 """
 
 import math
@@ -30,9 +30,9 @@ _VIEW = (0.0, 0.0, 1.0)
 
 
 class Nodes(NamedTuple):
-    """Where a sphere is asked: `wi` and `wo` (K, M, 3) in the surface's frames, the light's way `world` (K, M, 3).
+    """The quadrature nodes: `wi` and `wo` (K, M, 3) in the surface frames, and ωi in world space, `world` (K, M, 3).
 
-    `weights` (K, M) are solid angle times cosθi.
+    `weights` (K, M) are solid angle times cosθi, for K normals with M nodes each.
     """
 
     wi: Tensor
@@ -49,7 +49,7 @@ class FixedPictures(NamedTuple):
 
 
 def fixed_pictures(reflectance: Reflectance, to_rgb: ToRgb | None) -> FixedPictures:
-    """Return the pictures of a reflectance; `to_rgb` as in `rendering.sphere`, None for one channel or three."""
+    """Return the pictures of a reflectance; `to_rgb` as in `rendering.sphere`, or None for one or three channels."""
     nodes = sphere_nodes()
     by_sky, by_study = _lights()
     values = reflectance.evaluate(nodes.wi.reshape(-1, 3), nodes.wo.reshape(-1, 3)).to(torch.float64)
@@ -59,7 +59,7 @@ def fixed_pictures(reflectance: Reflectance, to_rgb: ToRgb | None) -> FixedPictu
 
 
 def study_difference(source: SphereImage, fit: SphereImage) -> float:
-    """Return mean CIEDE2000 of two spheres under the study's light, shown at its one exposure for all materials."""
+    """Return the mean CIEDE2000 of two spheres under the study's light, at the exposure that all materials share."""
     theirs, mine = (displayed(image, _exposure(), curve="srgb") for image in (source, fit))
     return ciede2000(theirs, mine, source.coverage > 0)
 
@@ -81,7 +81,7 @@ def sphere_nodes() -> Nodes:
 
 
 def exposure_for(weighted: Tensor, white: float) -> float:
-    """The factor that shows the median of a white diffuse sphere as `white`, of light times weights (K, M, 3)."""
+    """Return the exposure that maps the median of a white diffuse sphere to `white`, from light × weights (K, M, 3)."""
     return white / float(np.median((weighted.sum(1) / math.pi).amax(1).numpy()))
 
 

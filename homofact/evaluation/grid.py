@@ -1,8 +1,8 @@
-"""What charts and sweeps have in common: grids of fits that go on where they stopped.
+"""Common code of charts and sweeps: grids of fits that resume after an interruption.
 
-A run is known by its key, a digest of all that could change its result. Its finished result is kept under that key,
-written whole or not at all: a line of a CSV (`evaluation.chart_ledger`), or a folder (`sweeps.ledger`). What is asked
-for again is looked up before it is done.
+The key of a run is a digest of everything that could change its result. A finished result is stored under this key in
+one atomic write, as a line of a CSV file (`evaluation.chart_ledger`) or as a folder (`sweeps.ledger`). Before a run
+starts, its key is looked up, and a stored result is reused.
 """
 
 import hashlib
@@ -14,13 +14,13 @@ Run = TypeVar("Run")
 
 
 def content_key(facts: Mapping[str, Any]) -> str:
-    """32 hexadecimal digits of JSON-able facts, whatever their order."""
+    """Return a digest of JSON-able facts, 32 hexadecimal digits that do not depend on the order of the facts."""
     text = json.dumps(facts, sort_keys=True, allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()[:32]
 
 
 def each_once(runs: Iterable[Run], key: Callable[[Run], str]) -> dict[str, Run]:
-    """Return the runs by key, in the order in which they are asked for; the first of those with one key."""
+    """Return the runs by key, in the given order; of runs with the same key, only the first."""
     by_key: dict[str, Run] = {}
     for run in runs:
         by_key.setdefault(key(run), run)

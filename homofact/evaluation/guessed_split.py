@@ -1,7 +1,8 @@
-"""The split of a fit that was saved without one, by version 0.1.0 or from bare samples: guessed from its A.
+"""Guess the split of a fit that was saved without one (by version 0.1.0, or from samples without a source).
 
-Such a fit tells its source's name, how a model was sampled, its seed and how many samples it was given. A is the mean
-of the training samples: a split whose training part has that mean, channel by channel, is taken for the fit's own.
+The provenance of such a fit has the name of the source, the sampling of a model, the seed and the number of samples. A
+is the mean of the training samples. So a split whose training part has this mean in every channel is taken as the split
+of the fit.
 """
 
 import os
@@ -26,7 +27,7 @@ USUAL_SAMPLES = 45_000
 def has_mean_of(fitted: "Fitted", source: Source, split: Split) -> bool:
     """Return whether the fit's A is the mean of the split's training samples.
 
-    Azimuth copies share their sample's weight and leave the mean as it is.
+    Azimuth copies share the weight of their sample, so they do not change the mean.
     """
     try:
         mean = LogTransform.of(split.parts(source)[0], fitted.transform.epsilon).mean
@@ -37,7 +38,7 @@ def has_mean_of(fitted: "Fitted", source: Source, split: Split) -> bool:
 
 
 def source_named_by(fitted: "Fitted", near: Sequence[str | os.PathLike[str]]) -> str:
-    """Return what `open_source` is to be given for a fit without a split. Raises BadInput where nothing is found."""
+    """Return the argument of `open_source` for a fit without a split. Raises BadInput if no source is found."""
     facts = mapping(fitted.provenance.get("source"))
     material, file = facts.get("material"), facts.get("file")
     if facts.get("format") == "analytic model" and isinstance(material, str):
@@ -54,7 +55,7 @@ def source_named_by(fitted: "Fitted", near: Sequence[str | os.PathLike[str]]) ->
 
 
 def guess_split(fitted: "Fitted", path: str) -> tuple[Source, Split, bool]:
-    """Return the source at `path` in the fit's channels, its likeliest split, and whether A says that it is the fit's.
+    """Return the source at `path` in the fit's channels, its most likely split, and whether A confirms this split.
 
     Raises BadInput as `open_source`.
     """

@@ -1,12 +1,12 @@
-"""How different two pictures of a lit sphere look: PSNR, SSIM, CIEDE2000, ΔE_ITP and FLIP.
+"""Compare two pictures of a lit sphere: PSNR, SSIM, CIEDE2000, ΔE_ITP and FLIP.
 
 A picture is (H, W, 3), sRGB with its transfer curve (IEC 61966-2-1), D65 white, values in [0, 1] and not
-rounded to 8 bits, as `rendering.tonemap.displayed` makes it: both pictures at one exposure, chosen from the
-source, each channel clipped to the gamut before the comparison, over one grey. What the clipping hid no
-metric sees. Means are over the pixels of `mask` (H, W), those that show the sphere: the surroundings, equal
-by construction, would flatter every fit.
+rounded to 8 bits, as `rendering.tonemap.displayed` makes it. Both pictures have the same exposure, chosen from the
+source, and the same grey background. Each channel is clipped to the gamut before the comparison, so no metric measures
+differences outside the gamut. Means are over the pixels of `mask` (H, W), which show the sphere. The background is
+equal in both pictures and would make every fit look better.
 
-SSIM, ΔE_ITP and FLIP need a library; `MissingDependency` names a missing one.
+SSIM, ΔE_ITP and FLIP each need an optional library; `MissingDependency` names it if it is not installed.
 """
 
 import math
@@ -34,10 +34,10 @@ def psnr(source: Tensor, fit: Tensor, mask: Tensor) -> float:
 
 
 def ssim(source: Tensor, fit: Tensor, mask: Tensor) -> float:
-    """Structural similarity (Wang et al. 2004), 1 where equal; scikit-image with the paper's own window.
+    """Structural similarity (Wang et al. 2004), 1 for equal pictures; by scikit-image with the paper's window.
 
-    Gaussian of σ = 1.5, population covariance, data range 1, mean over channels and the mask's pixels. Raises
-    BadInput for pictures under 11 pixels, the window.
+    The window is a Gaussian with σ = 1.5, the covariance that of a population, and the data range 1. The mean is over
+    channels and the mask's pixels. Raises BadInput for pictures smaller than the window of 11 pixels.
     """
     metrics = _library("skimage.metrics")
     a, b, inside = _checked(source, fit, mask)

@@ -1,8 +1,8 @@
-"""A fit judged by any of the metrics, on the samples held out of it and on a lit sphere.
+"""Measure a fit by any of the metrics, on its held-out samples and on pictures of a lit sphere.
 
     judge(homofact.load("out/paint"), metrics=("log_mse", "male", "flip"))
 
-A `FitEvaluator` measures several fits of one source, whose own picture is drawn once.
+A `FitEvaluator` measures several fits of one source, and renders the picture of the source only once.
 """
 
 import math
@@ -59,9 +59,10 @@ def judge(
     metrics: Sequence[str] = ("all",),
     near: Sequence[str | os.PathLike[str]] = (),
 ) -> dict[str, float | None]:
-    """Every metric's number of a fit, on the samples that were held out of it (all of its source's where none were).
+    """Return the value of each metric of a fit on its held-out samples, or on all samples if none were held out.
 
-    The source is the fit's own unless another is given. Raises as `chosen_metrics` and `evaluation.reopening.reopen`.
+    Without `source`, the source of the fit is opened again. Raises the errors of `chosen_metrics` and of
+    `evaluation.reopening.reopen`.
     """
     from homofact.evaluation.reopening import reopen
 
@@ -78,9 +79,9 @@ class FitEvaluator:
     names: tuple[str, ...]
 
     def measure(self, fit: "Fitted", split: "Split") -> dict[str, float | None]:
-        """Return every metric's number of a fit on the test samples of `split`.
+        """Return the value of each metric of a fit on the test samples of `split`.
 
-        None where a metric is not defined. An infinite PSNR stays infinite.
+        The value is None if a metric is not defined. An infinite PSNR stays infinite.
         """
         from homofact.evaluation.metric_table import METRICS
 
@@ -119,13 +120,13 @@ class FitEvaluator:
 
     @property
     def pictured(self) -> bool:
-        """Whether some metric is of a picture."""
+        """Whether at least one metric needs a picture."""
         from homofact.evaluation.metric_table import METRICS
 
         return any(METRICS[name].computed_from == "picture" for name in self.names)
 
     def conditions(self) -> list[str]:
-        """Under which conditions the numbers hold, in sentences."""
+        """Return sentences that state the conditions of the measurement, such as light, exposure and picture size."""
         from homofact.evaluation.brdf_metrics import stated_density
         from homofact.evaluation.image_metrics import PIXELS_PER_DEGREE, WHITE_LUMINANCE
 

@@ -1,8 +1,8 @@
-"""The LaTeX table of a comparison's means: a tabular for booktabs with comments on sources and methods.
+"""Write the means of a comparison as a LaTeX table: a tabular for booktabs with comments on sources and methods.
 
-Means have three digits or more, and deviations are rounded alike. Where a number of a column is below 0.001 or
-from 100,000 on, all its numbers have the same power of ten, which is in its head, unless they are too far apart for
-one.
+Means have at least three digits, and deviations are rounded to the same decimal place. If a column has a number below
+0.001 or from 100,000 on, the whole column is scaled by one power of ten, which its heading states. A column whose
+numbers differ too much in size is not scaled.
 """
 
 import math
@@ -36,9 +36,10 @@ def latex_of(fits: Sequence[MeasuredFit], by_source: bool = False, notes: Sequen
     """Return a tabular for booktabs over all fits: a line per method and bytes with its fetches, a column per metric
     with its unit.
 
-    With `by_source`, the lines of each source come first, below its name, and those over all sources last. The numbers
-    of a column that are not readable without have one power of ten, in its head, where one serves them. A line below
-    the table marks fits that are not reciprocal; comments name the settings of each method, and have the `notes`.
+    With `by_source`, the lines of each source come first, below its name, and the lines over all sources come last. A
+    column with very small or very large numbers is scaled by one power of ten, which its heading states, if one power
+    suits all of its numbers. A line below the table explains the mark of methods with fits that are not reciprocal.
+    Comments in the file list the settings of each method and the `notes`.
     """
     rows = mean_rows(fits)
     metrics = list(rows[0].spreads)
@@ -109,7 +110,7 @@ def _across(words: str, row: MeanRow) -> str:
 
 
 def methods_in_words(fits: Sequence[MeasuredFit]) -> list[str]:
-    """Return a line per method with its settings, and in how many of its fits light and viewer may not be swapped.
+    """Return a line per method with its settings and the number of its fits that are not reciprocal.
 
     Examples
     --------
@@ -184,16 +185,16 @@ def _method(label: str) -> str:
 
 
 def escaped(text: str) -> str:
-    """Return a name as text of LaTeX: nothing in it is a command; what does not print is a space."""
+    """Return a name with LaTeX commands escaped and unprintable characters replaced by spaces."""
     return "".join(_SPECIAL.get(letter, letter if letter.isprintable() else " ") for letter in text)
 
 
 def rounded(mean: float, deviation: float | None, power: int | None = None) -> tuple[str, str, int]:
-    """Return (mean, standard deviation, n), rounded alike, both to be taken times 10ⁿ.
+    """Return (mean, standard deviation, n) as rounded text; both numbers must be multiplied by 10ⁿ.
 
-    The mean has three digits, for methods are compared by their means, on sources that may be far apart; more where the
-    deviation's first digit needs them (the first two where it is 1), and fewer where these would be more than two
-    behind it. n is `power`; where that is None, 0 if the mean is readable without.
+    The mean has three significant digits. It has more if the first digit of the deviation (the first two, if the first
+    is 1) is at a lower decimal place, and fewer if three digits would end more than two places after that digit. n is
+    `power`. If `power` is None, n is chosen, and is 0 if the mean is readable without a power of ten.
     """
     if power is None:
         power = _own_power(mean, deviation)

@@ -11,9 +11,9 @@ _LIBRARIES = ("torch", "numba", "numpy", "scipy")
 
 
 def machine() -> str:
-    """Processor, cores, threads asked for, system, and the versions of what does the work.
+    """Return the processor, its cores, the requested threads, the system, and library versions.
 
-    Imports none of these libraries, so that asking costs no memory.
+    This function does not import the libraries, so it needs no extra memory.
     """
     processor = " ".join(part for part in (platform.machine(), _model_name()) if part)
     threads = [f"{name}={os.environ[name]}" for name in ("OMP_NUM_THREADS", "NUMBA_NUM_THREADS") if name in os.environ]

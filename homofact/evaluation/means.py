@@ -1,10 +1,10 @@
-"""Methods over several sources, seeds and splits in one table, for a paper: means and deviations, as CSV and LaTeX.
+"""Average the results of methods over sources, seeds and splits in a table for a paper, as CSV or LaTeX.
 
-Fits are gathered by method and by the bytes that they could fill, since an error is only to be compared at equal bytes.
-A fit may fill fewer; a row has the most bytes and fetches of any of its fits. Standard deviations are those of a sample
-(n − 1). Sources differ far more than the fits to one of them, so a row over several sources has two: that of the
-sources' means, and that of the fits to a source, by several seeds or on several splits: √(mean of the variances) over
-the sources.
+Fits are grouped by method and byte budget, since errors are comparable only at equal size. A fit may use fewer bytes; a
+row states the largest number of bytes and fetches of its fits. Standard deviations are those of a sample (n − 1).
+Sources differ far more than several fits to one source, so a row over several sources has two deviations. One is the
+deviation of the sources' means. The other is the deviation within a source, over seeds or splits: √(mean of the
+sources' variances).
 """
 
 import math
@@ -33,12 +33,13 @@ _SETTINGS = ("textures", "size", "bytes", "effort", "budget", "restarts", "joint
 
 @dataclass(frozen=True)
 class MeasuredFit:
-    """One fit: what it is of and by, its bytes and fetches, and its metrics' numbers by name, None for no number.
+    """One fit: its source and method, bytes and fetches, and `values`, its metrics by name (None if undefined).
 
-    `seed` is the fit's, and `split_seed` drew its split. `epsilon` is that of its log transform, `samples` how many the
-    source has, `held_out` how many of them the numbers are from. `swapped` is the share of the fit's light that changes
-    where light and viewer are swapped, `settings` are those of its method in words, and `asked` is the number of bytes
-    that it had to fill. `sampling` states how its samples were drawn and split.
+    `seed` is the seed of the fit, and `split_seed` that of its split. `epsilon` is the ε of its log transform.
+    `samples` is the number of samples of the source, and `held_out` the number of held-out samples on which the metrics
+    were measured. `swapped` is the share of the fit's light that changes if light and viewer are swapped. `settings` is
+    a text with the settings of the method, and `asked` is the byte budget. `sampling` describes how the samples were
+    drawn and split.
     """
 
     source: str
@@ -58,7 +59,7 @@ class MeasuredFit:
 
     @property
     def group(self) -> tuple[str, int]:
-        """The method and the bytes by which fits are gathered."""
+        """The method and the bytes by which fits are grouped."""
         return self.method, self.nbytes if self.asked is None else self.asked
 
     @property
@@ -69,12 +70,12 @@ class MeasuredFit:
 
 @dataclass(frozen=True)
 class MeanRow:
-    """All fits by one method in so many bytes: of a source, or of all ("").
+    """All fits of one method and byte budget, to one source or to all sources (`source` is "").
 
-    `spreads` are by metric; None where some fit has no number. Over several sources, their deviations are those of
-    the sources' means, and `within_source` has those of the fits to a source, by metric; None where no source has two.
-    `epsilon` is None where fits have different ones. `not_reciprocal` counts the fits in which light and viewer may not
-    be swapped.
+    `spreads` has the spread of each metric, None if a fit has no value of it. Over several sources, its deviation is
+    that of the sources' means. `within_source` has the deviation of the fits to one source for each metric, None if no
+    source has two fits. `epsilon` is None if the fits have different ε. `not_reciprocal` is the number of fits that are
+    not reciprocal.
     """
 
     source: str
@@ -90,11 +91,11 @@ class MeanRow:
 
 
 def mean_record(records: Sequence[Mapping[str, Any]], seeds: Sequence[int], splits: Sequence[int]) -> dict[str, Any]:
-    """Return the records of fits that differ in their seeds and splits alone, as one: of a comparison or of a chart.
+    """Return one record for fits that differ only in seed and split, in a comparison or a chart.
 
-    Errors, seconds, evaluations and figures of light are means; "spread" has the mean, least, greatest and standard
-    deviation of each, "seeds" are the fits' and "splits" the seeds of their splits. Bytes and textures are those
-    of the largest fit, fetches the most of any; all else is the first's.
+    Errors, seconds, evaluations and the figures of the appearance are means. "spread" has the mean, minimum, maximum
+    and standard deviation of each. "seeds" are the seeds of the fits, and "splits" those of their splits. Bytes and
+    textures are those of the largest fit, and fetches are the maximum. All other entries are those of the first fit.
     """
     own, largest = records[0], max(records, key=lambda record: (record["bytes"], record["fetches"]))
 
@@ -156,7 +157,7 @@ def mean_rows(fits: Sequence[MeasuredFit], source: str = "") -> list[MeanRow]:
 
 
 def mixed_epsilons(fits: Sequence[MeasuredFit]) -> str:
-    """Return a warning if means are over Cole errors with different ε, which cannot be compared; else nothing.
+    """Return a warning if means are over log errors with different ε, which cannot be compared; else "".
 
     Examples
     --------
@@ -176,7 +177,7 @@ def mixed_epsilons(fits: Sequence[MeasuredFit]) -> str:
 
 
 def without_numbers(fits: Sequence[MeasuredFit]) -> str:
-    """Return a note on metrics whose mean is missing since some sources have no number of them; else nothing.
+    """Return a note on metrics whose mean is missing because some sources have no value; else "".
 
     Examples
     --------
@@ -195,7 +196,7 @@ def without_numbers(fits: Sequence[MeasuredFit]) -> str:
 
 
 def same_fits(fits: Sequence[MeasuredFit]) -> str:
-    """Return a warning if a method gave the same fit for all its seeds on every split; else nothing.
+    """Return a warning if a method gave the same fit for all its seeds on every split; else "".
 
     Examples
     --------
@@ -221,7 +222,7 @@ def same_fits(fits: Sequence[MeasuredFit]) -> str:
 
 
 def csv_of(fits: Sequence[MeasuredFit]) -> str:
-    """A line a source ("all" first), method, bytes and metric: unit, mean, standard deviation, least and greatest."""
+    """Return CSV text with a line per source ("all" first), method, bytes and metric: unit, mean, deviations, range."""
     names = list(dict.fromkeys(fit.source for fit in fits))
     rows = mean_rows(fits) + [row for name in names for row in mean_rows(fits, name)]
     lines: list[Sequence[Any]] = [_COLUMNS]
@@ -238,9 +239,10 @@ def csv_of(fits: Sequence[MeasuredFit]) -> str:
 
 
 def settings_in_words(settings: Any) -> str:
-    """Return the settings of a method that decide how well it does: "textures 2, size 16, effort normal".
+    """Return the settings of a method that affect its error, as text: "textures 2, size 16, effort normal".
 
-    The known mixes of a quick and a normal search start from their own projections, so its random starts are left out.
+    The number of random starts is omitted for a quick or normal search, which starts from the projections of known
+    mixes.
     """
     own = vars(settings)
     given = {name: own[name] for name in _SETTINGS if own.get(name) is not None}

@@ -1,10 +1,10 @@
 """Every metric of a fit, in one table: its name, formula, unit, words, and which values are good.
 
-Comparisons, charts, sweeps, their tables, pictures and reports take names, units and words from here. A new metric is
-a formula and one entry (docs/contributing/metric.md). A metric is computed from one of three things:
+Comparisons, charts, sweeps and their tables, pictures and reports use the names, units and labels of this table. To add
+a metric, write its formula and one entry (docs/contributing/metric.md). A metric is computed from one of three inputs:
 
-* "pairs": the fit and the samples held out of it (`brdf_metrics.EvaluatedPairs`);
-* "light": integrals over both hemispheres and pictures under two lightings, beside a source that can be evaluated
+* "pairs": the fit and its held-out samples (`brdf_metrics.EvaluatedPairs`);
+* "light": integrals over both hemispheres and pictures under fixed lights, compared with a source that can be evaluated
   everywhere (`appearance.Appearance`);
 * "picture": two pictures of a sphere and a mask (`image_metrics`).
 """
@@ -26,14 +26,14 @@ class Metric:
 
     Attributes
     ----------
-    name : as `metrics`, JSON and CSV have it.
-    computed_from : "pairs", "light" or "picture", as the module's head says; what `formula` takes.
-    formula : returns the number; NaN where it is not defined.
-    label : in words, for tables and pictures; without the unit.
-    unit : "" for none; f is in sr⁻¹.
-    domain : "log" where values are compared by their logarithms, "linear" where as they are, "" where neither.
-    good : which values are good: "low", "high", or "one", a ratio that should be 1.
-    library : the module that it needs, where not every installation has it.
+    name : the name in `metrics`, in JSON and in CSV.
+    computed_from : "pairs", "light" or "picture" (see the module docstring); the type of the argument of `formula`.
+    formula : returns the value of the metric, or NaN if it is undefined.
+    label : the text in tables and pictures, without the unit.
+    unit : the unit, "" for none; f is in sr⁻¹.
+    domain : "log" if logarithms are compared, "linear" if values are compared, "" otherwise.
+    good : the direction of improvement: "low", "high", or "one" for a ratio that should be 1.
+    library : the optional Python module that the metric needs; "" for none.
     """
 
     name: str
@@ -47,12 +47,12 @@ class Metric:
 
     @property
     def words(self) -> str:
-        """The label with what the number is of and its unit: "MAE, held out, sr⁻¹"."""
+        """The label with the input and the unit: "MAE, held out, sr⁻¹"."""
         held_out = ", held out" if self.computed_from == "pairs" else ""
         return f"{self.label}{held_out}{', ' if self.unit else ''}{self.unit}"
 
     def badness(self, value: float) -> float:
-        """Greater where it is worse; of a ratio the distance from 1 either way."""
+        """Return a number that is larger for worse values; for a ratio r, max(r, 1/r)."""
         if self.good == "one":
             return max(value, 1 / value) if value > 0 else float("inf")
         return value if self.good == "low" else -value

@@ -1,8 +1,9 @@
 """The six error metrics of the thesis (4.3): absolute, squared and maximum, in log space and linear.
 
-Every mean is over samples and channels, those of the scheme lobe weighted so that it is over the discs
-(`brdf.pair_density`). The log-space ones compare f̃ = log((f + εA)/A) of both sides with the ε and A of the fit, so ε
-is part of the number; log_mse is the Cole error. The linear ones are in sr⁻¹ (mse in sr⁻²), without the cosine.
+Every mean is over samples and channels. Samples of the scheme `lobe` are weighted so that the mean is uniform over the
+discs (`brdf.pair_density`). The log-space metrics compare f̃ = log((f + εA)/A) of fit and samples, with the ε and A of
+the fit. So compare them only at the same ε. log_mse is the Cole error. The linear metrics are in sr⁻¹ (mse in sr⁻²),
+without the cosine.
 """
 
 from dataclasses import asdict, dataclass
@@ -32,7 +33,7 @@ class SixErrors:
 
 
 def six_errors(found: Tensor, expected: Tensor, transform: LogTransform, weights: Tensor | None = None) -> SixErrors:
-    """The metrics of values (N, C) in sr⁻¹ against the expected ones; means by weights (N,) where these are given."""
+    """Return the metrics of values (N, C) in sr⁻¹ against expected values, with optional weights (N,) for the means."""
     linear = (found - expected).abs()
     logs = (transform.forward(found) - transform.forward(expected)).abs()
 
@@ -45,14 +46,14 @@ def six_errors(found: Tensor, expected: Tensor, transform: LogTransform, weights
 
 
 def measure(reflectance: Reflectance, samples: Samples, transform: LogTransform) -> SixErrors:
-    """Return the metrics of a reflectance on samples of the same channels; of lobes the means are over the discs."""
+    """Return the metrics of a reflectance on samples of the same channels; lobe samples are weighted over the discs."""
     return six_errors(reflectance.evaluate(samples.wi, samples.wo), samples.values, transform, disc_shares(samples))
 
 
 def explained_variance(expected: Tensor, found: Tensor, weights: Tensor) -> float:
     """1 − Σw(found − expected)²/Σw(expected − mean)² of logs (N, C), of the worst channel, for weights (N,).
 
-    A constant BRDF has no variance to explain; what counts then is whether it is met.
+    A constant BRDF has no variance. Then the result is 1 if the values match, and falls fast with any error.
     """
     weights = (weights / weights.sum())[:, None]
     missed = (weights * (found - expected).square()).sum(0)

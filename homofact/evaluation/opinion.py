@@ -1,4 +1,4 @@
-"""The grade that people would give a fit beside its source, by a law that was fitted to a study.
+"""Predict the grade that people would give a picture of a fit beside its source, with a law fitted to a study.
 
 Lavoué, Bonneel, Farrugia and Soler 2021 had 1,005 people grade pictures of approximations of the MERL materials beside
 their references, from 1, very poor, to 5, excellent; about 30 people graded each pair. Their distance d is (5 − mean
@@ -7,10 +7,11 @@ grade)/4. `scripts/verdict/opinions.py` fitted
     d(ΔE) = d0 + (1 − d0) r/(1 + r),   r = (ΔE/m)^k,
 
 to the scores of three approximations whose parameters are public. ΔE is the mean CIEDE2000 of two spheres under the
-light of the study (`evaluation.fixed_pictures`), d0 is expected of identical pictures: people do not grade these with 5
-throughout. The study's scores lie between d + q √(d (1 − d)) of the two quantiles q, 5% and 95%, nine times of ten.
+light of the study (`evaluation.fixed_pictures`). d0 is the distance for identical pictures, which people do not always
+grade with 5. 90% of the study's distances lie between d + q √(d (1 − d)) for the 5% and the 95% quantile q of the
+residuals.
 
-The table `opinion.json` has these numbers and the light, and none of the study's data.
+The table `opinion.json` contains these constants and the light, but no data of the study.
 """
 
 import hashlib
@@ -37,13 +38,13 @@ UNSEEN = 0.2
 
 @dataclass(frozen=True)
 class Opinion:
-    """The expected mean grade of a fit, from 1 to 5, and the interval of nine of ten studies of thirty people.
+    """The expected mean grade of a fit, from 1 to 5, with a 90% interval for the mean grade of thirty people.
 
     Attributes
     ----------
     delta_e : mean CIEDE2000 under the study's light.
-    score, low, high : mean grades.
-    best : the grade that is expected of identical pictures.
+    score, low, high : the expected mean grade, and the ends of its interval.
+    best : the expected grade of identical pictures.
     """
 
     delta_e: float
@@ -65,7 +66,7 @@ class Opinion:
 
 @dataclass(frozen=True)
 class OpinionLaw:
-    """The law of the module's head.
+    """The law that the module docstring defines.
 
     Attributes
     ----------
@@ -87,7 +88,7 @@ class OpinionLaw:
             raise BadInput(where="law of opinions", found=str(numbers), expected="a law that rises, and an interval")
 
     def distance(self, delta_e: float) -> float:
-        """d of a difference ΔE of at least 0. Raises BadInput for another number."""
+        """Return d for a difference ΔE ≥ 0. Raises BadInput for other numbers."""
         if not delta_e >= 0:
             raise BadInput(where="ΔE", found=delta_e, expected="at least 0")
         if math.isinf(delta_e):
@@ -101,7 +102,7 @@ class OpinionLaw:
         return Opinion(delta_e, score, *self.interval(score), grade(self.floor))
 
     def interval(self, score: float) -> tuple[float, float]:
-        """Return the 90% interval of a study's mean grade where `score` is expected, from 1 to 5."""
+        """Return the 90% interval of a study's mean grade whose expected value is `score`, both from 1 to 5."""
         expected = (BEST - score) / (BEST - WORST)
         scatter = math.sqrt(max(expected * (1 - expected), 0.0))
         near, far = (min(max(expected + q * scatter, 0.0), 1.0) for q in (self.below, self.above))
@@ -121,13 +122,13 @@ def grade(distance: float) -> float:
 
 @dataclass(frozen=True)
 class StudyLight:
-    """A smooth light that replaces the Grace probe: an even part and lamps a exp(κ (cos − 1)).
+    """A smooth light that replaces the Grace probe: a constant part and lobes a exp(κ (cos − 1)) for its lamps.
 
     Attributes
     ----------
-    even : (3,) radiance from everywhere.
+    even : (3,) constant radiance from all directions.
     lamps : (L, 7), unit direction (y up), sharpness κ, and radiance R, G, B of each.
-    white : what the median of a white diffuse sphere is shown as, linear.
+    white : the linear display value of the median of a white diffuse sphere.
     """
 
     even: Tensor
@@ -142,7 +143,7 @@ class StudyLight:
 
 @dataclass(frozen=True)
 class OpinionTable:
-    """What the package's table holds: the law, the light, and what both were made from."""
+    """The content of the package's table: the law, the light, and their origin."""
 
     law: OpinionLaw
     light: StudyLight

@@ -1,11 +1,12 @@
-"""Two fits on the same samples, or two methods split by split: whether one is better, or was only lucky.
+"""Compare two fits on the same samples, or two methods split by split, to tell a real difference from luck.
 
-Errors on held-out samples scatter, and those of all methods scatter together: a split that holds out the top of a
-highlight is hard for each of them. Two means with their deviations may therefore overlap although one method is better
-on every split. So each split gives one ratio of the two errors, and these are counted.
+Errors on held-out samples vary from split to split, in the same way for all methods: a split that holds out the top of
+a highlight is hard for all of them. So the error ranges of two methods may overlap although one method is better on
+every split. Therefore homofact computes the ratio of the two errors on each split, and counts the splits on which each
+method is better.
 
-Of two saved fits there is one split. How far the ratio of their errors depends on which samples were held out is then
-estimated by a bootstrap over these samples, the errors of both fits at a sample drawn together.
+Two saved fits have only one split. Then a bootstrap over the held-out samples estimates how much the ratio of the
+errors depends on the choice of these samples. It draws the errors of both fits at a sample together.
 """
 
 from collections.abc import Mapping
@@ -35,7 +36,7 @@ class MethodPair:
     ----------
     method : label of the method whose errors are divided.
     other : label of the method that they are divided by.
-    ratios : of each error that is compared, its ratio on every split, in their order.
+    ratios : by name of the error, its ratio on each split, in the order of the splits.
     """
 
     method: str
@@ -52,7 +53,7 @@ class MethodPair:
 
     @property
     def words(self) -> str:
-        """The comparison in a line: on how many splits the method errs less, and its ratios of the errors.
+        """Return the comparison as text: the number of splits with a lower error, and the range of the error ratios.
 
         Examples
         --------
@@ -95,9 +96,10 @@ class ErrorRatio:
 
 
 def error_ratios(first: Fitted, second: Fitted, samples: Samples) -> dict[str, ErrorRatio]:
-    """Return the ratios of two fits' errors on the same samples, by the names of `PAIRED`; infinite over an error of 0.
+    """Return the ratios of two fits' errors on the same samples, by the names of `PAIRED`; infinite if divided by 0.
 
-    The samples count as independent. Neighbours on a scan are not quite, so the interval is rather too narrow.
+    The bootstrap treats the samples as independent. Neighbours in a measurement are slightly dependent, so the interval
+    is slightly too narrow.
     """
     weights = disc_shares(samples)
     weights = torch.ones_like(samples.wi[:, 0]) if weights is None else weights
@@ -118,10 +120,11 @@ def error_ratios(first: Fitted, second: Fitted, samples: Samples) -> dict[str, E
 
 
 def split_by_split(rows: Mapping[str, RepeatedRows]) -> list[MethodPair]:
-    """Return each pair of methods on the splits that both were fitted on, that of the lower mean Cole error first.
+    """Return each pair of methods on their common splits; within a pair, the lower mean Cole error comes first.
 
-    Several seeds on a split count once, by their mean error. Methods with different ε, whose Cole errors are different
-    measures, make no pair. Left out are splits on which an error is 0. None where fewer than two splits are left.
+    Several seeds on a split count once, by their mean error. Methods with different ε form no pair, since their Cole
+    errors cannot be compared. Splits on which an error is 0 are left out. A pair with fewer than two remaining splits
+    is left out, too.
     """
     labels = sorted(rows, key=lambda label: rows[label].held_out["log_mse"].mean)
     pairs = []

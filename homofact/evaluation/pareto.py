@@ -1,4 +1,4 @@
-"""Pareto fronts: what nothing else beats in both of two things that should be small."""
+"""Pareto fronts: the points that no other point beats in two quantities to be minimised."""
 
 import math
 from collections.abc import Sequence
@@ -10,9 +10,9 @@ def dominates(a: tuple[float, float], b: tuple[float, float]) -> bool:
 
 
 def front(points: Sequence[tuple[float, float]]) -> list[int]:
-    """Return places in `points` of those that no other dominates, by rising first and falling second coordinate.
+    """Return the indices of the points that no other dominates, sorted by rising first coordinate.
 
-    Equal points are all on it. Points with a coordinate that is not finite never are.
+    Equal points are all on the front. Points with a coordinate that is not finite are not.
     """
     order = sorted((i for i, point in enumerate(points) if all(map(math.isfinite, point))), key=lambda i: points[i])
     places: list[int] = []

@@ -1,9 +1,9 @@
-"""How narrow a source's highlight is, and whether the texels of a fit can hold it.
+"""Measure the width of a source's highlight, and the resolution of a fit's texels there.
 
-Both are said of the half vector's angle θh about the mirror direction, at 45° of incidence, with the half vector tilted
-across the plane of incidence. The half width is where f, less what it is at `BASE_DEGREES`, has fallen to half of its
-peak. A texture resolves what is as wide as its texels: with uv = (u, v) its place in [−1, 1]², n texels along an axis
-are (n − 1)/2 |∂uv/∂θh| a radian.
+Both refer to the angle θh of the half vector at the mirror direction, for 45° incidence, with the half vector tilted
+perpendicular to the plane of incidence. The half width is the θh at which f minus its value at `BASE_DEGREES` has
+fallen to half of its peak. A texture resolves features as wide as a texel. Let (u, v) be the texture coordinates in
+[−1, 1]². An axis with n texels then has (n − 1)/2 |∂u/∂θh| texels per radian.
 """
 
 import math
@@ -23,7 +23,7 @@ _NARROWEST, _STEPS, _STEP = 1e-6, 400, 1e-5
 
 
 def half_width(source: Reflectance) -> float | None:
-    """θh in radians at which the highlight has half of its height, mean of the channels; None for no highlight."""
+    """Return the half width of the highlight in radians of θh (mean of the channels), or None without a highlight."""
     theta_h = torch.cat(
         (
             torch.zeros(1, dtype=torch.float64),
@@ -40,7 +40,7 @@ def half_width(source: Reflectance) -> float | None:
 
 
 def texels_per_radian(fitted: Fitted) -> float:
-    """Return how many texels a radian of θh crosses at the mirror direction, of the fit's texture with the most."""
+    """Return the texels per radian of θh at the mirror direction, for the finest texture of the fit."""
     wi, wo = _tilted(torch.tensor([0.0, _STEP], dtype=torch.float64))
     most = 0.0
     for lookup in evaluation_of(fitted).lookups:

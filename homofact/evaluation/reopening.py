@@ -1,9 +1,9 @@
-"""The source of a fit, opened again, with the very samples that the fit was given and those held out of it.
+"""Open the source of a fit again, with the samples that the fit used and its held-out samples.
 
     reopened = reopen(homofact.load("out/paint"))
     reopened.source.samples, reopened.parts["held_out"]
 
-A fit knows its split (`evaluation.split`); where it was saved without one the split is guessed
+A saved fit contains its split (`evaluation.split`). If the fit was saved without a split, homofact guesses it
 (`evaluation.guessed_split`).
 """
 
@@ -27,12 +27,12 @@ if TYPE_CHECKING:
 
 
 class NotReopened(BadInput):
-    """The source that a fit was made from is not to be had; the text says why, and may go on a sentence."""
+    """The source of a fit cannot be opened; the message states the reason, as a clause that can follow other text."""
 
 
 @dataclass(frozen=True)
 class Reopened:
-    """A source and its split; `known` says that the fit was made from the split's training samples."""
+    """A source and its split; `known` is True if the fit certainly used the split's training samples."""
 
     source: Source
     split: Split
@@ -40,7 +40,7 @@ class Reopened:
 
     @property
     def held_out(self) -> bool:
-        """Whether errors on the split's test samples are on samples that the fit has not seen."""
+        """Whether the split's test samples are known to be held out from the fit."""
         return self.part == "held_out"
 
     @property
@@ -50,12 +50,12 @@ class Reopened:
 
     @property
     def training(self) -> "Samples":
-        """What of the source the fit was given, as measured."""
+        """The training samples of the fit, as measured (not rotated to other azimuths)."""
         return self.split.parts(self.source)[0]
 
     @property
     def parts(self) -> "dict[str, Samples]":
-        """What errors are measured on, at random azimuths: "train", what the fit was given, and the tests as `part`."""
+        """The samples for measuring errors, at random azimuths: "train", and the test samples under the name `part`."""
         turned = self.training.rotated_at_random(self.split.seed)
         return {"train": turned, self.part: self.split.test_samples(self.source)}
 
@@ -63,12 +63,12 @@ class Reopened:
 def reopen(
     fitted: "Fitted", source: str | Source | None = None, near: Sequence[str | os.PathLike[str]] = ()
 ) -> Reopened:
-    """Return the source that a fit was made from, or the one that is given, with the fit's split.
+    """Return the source of a fit, or the given `source`, with the fit's split.
 
-    A file that has moved is looked for in the working folder and in the folders `near` and those that they are in.
-    The samples of a `source` that is given may be others than the fit's: its split is then not `known`. Raises
-    NotReopened where no `source` is given and the fit's own is not to be had, and BadInput for one that is given
-    and cannot be read or has other channels than the fit.
+    If the file has moved, homofact looks for it in the working folder, in the folders `near`, and in their parent
+    folders. If a given `source` has other samples than the fit, the split is not `known`. Raises NotReopened if no
+    `source` is given and the fit's own source cannot be opened. Raises BadInput if a given `source` cannot be read or
+    its channels differ from the fit's.
     """
     if source is None:
         try:
@@ -83,9 +83,9 @@ def reopen(
 
 
 def settings_of(fitted: "Fitted") -> "Method":
-    """Return the settings that the fit was made with, as its provenance has them; ε is the fit's own.
+    """Return the settings of the fit from its provenance; ε comes from the fit itself.
 
-    What is missing or cannot be meant takes its default; the size is then that of the largest texture.
+    Missing or invalid settings have their default values; the default size is that of the largest texture.
     """
     from homofact.methods.table import ALL_METHODS, settings_of_class
 

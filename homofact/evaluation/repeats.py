@@ -1,11 +1,12 @@
-"""Several fits of one method to one source, by several seeds and on several splits: how much of an error is luck.
+"""Repeat fits of one method to one source with several seeds and splits, to see how much an error depends on chance.
 
     several = fit_repeats(source, settings, splits=5)
     several.held_out["log_mse"].mean, several.held_out["log_mse"].deviation
 
-A seed decides what a method draws; on one split all seeds have the same training samples and are measured on the same
-held-out ones. A split decides which samples are held out. Splits of one source share most of their training samples, so
-the deviation over them is no confidence interval: it shows how far the choice of the held-out samples moves an error.
+The seed determines the random choices of a method. On one split, the fits of all seeds use the same training samples
+and are measured on the same held-out samples. The split determines which samples are held out. Splits of one source
+share most of their training samples, so the deviation over them is no confidence interval: it shows how far the choice
+of the held-out samples moves an error.
 """
 
 import itertools
@@ -27,7 +28,7 @@ from homofact.methods.method import Method
 
 @dataclass(frozen=True)
 class RepeatedRows:
-    """The rows of one method by several seeds or on several splits, at least one row: split by split, then by seed."""
+    """The rows of one method for several seeds or splits (at least one row), sorted by split, then by seed."""
 
     rows: tuple[ComparisonRow, ...]
 
@@ -46,11 +47,11 @@ class RepeatedRows:
 
     @property
     def splits(self) -> tuple[int, ...]:
-        """The seeds that drew the splits, each once."""
+        """The seeds of the splits, each once."""
         return tuple(dict.fromkeys(row.split.seed for row in self.rows))
 
     def of_split(self, seed: int) -> "RepeatedRows":
-        """Return the rows on the split that was drawn by `seed`. Raises BadInput where there is none."""
+        """Return the rows on the split with this `seed`. Raises BadInput if there is none."""
         return RepeatedRows(tuple(row for row in self.rows if row.split.seed == seed))
 
     @property
@@ -69,11 +70,11 @@ class RepeatedRows:
         return _spreads([row.train for row in self.rows])
 
     def record(self) -> dict[str, Any]:
-        """Return the JSON form: that of a row, with means as its errors, times and evaluations.
+        """Return the JSON form: that of one row, with the means of errors, times and evaluations.
 
-        "seeds" are the fits', "splits" the seeds of their splits, "spread" has the mean, least, greatest and standard
-        deviation of each, and "rows" every row by itself. Textures, bytes and fetches are those of the largest fit. The
-        form of a single row is its own.
+        "seeds" are the seeds of the fits, and "splits" those of their splits. "spread" has the mean, minimum, maximum
+        and standard deviation of each figure, and "rows" has the individual rows. Textures, bytes and fetches are those
+        of the largest fit. A single row has its usual JSON form.
         """
         records = [row.record() for row in self.rows]
         if len(records) == 1:
@@ -90,11 +91,11 @@ def fit_repeats(
     subset: int = 0,
     splits: int | Sequence[int] = 1,
 ) -> RepeatedRows:
-    """Fit one method by every one of `seeds` on every one of `splits`, and measure each on the split's held-out part.
+    """Fit one method with each of `seeds` on each of `splits`, and measure each fit on the held-out samples.
 
-    A number of seeds or splits counts up from the seed of `settings`; a sequence has the seeds themselves. An
-    interrupted fit is the last. Raises BadInput for no seeds or splits, for several splits where nothing is held out,
-    and as `fit_and_measure`.
+    `seeds` and `splits` are sequences of seeds, or a number of consecutive seeds that start at the seed of `settings`.
+    An interrupted fit is the last one. Raises BadInput if there are no seeds or splits, or several splits although
+    nothing is held out, and for the reasons of `fit_and_measure`.
     """
     listed = seeds_from(settings.seed, seeds) if isinstance(seeds, int) else tuple(seeds)
     drawn = splits_from(settings.seed, splits, held_out) if isinstance(splits, int) else tuple(splits)
@@ -107,9 +108,9 @@ def fit_repeats(
 
 
 def asked_seeds(first: int, text: str) -> tuple[int, ...]:
-    """Return the seeds that "3" (so many from `first` on) or "0,1,2" (these) asks for.
+    """Return the seeds that a text selects: "3" for three seeds from `first` on, or "0,1,2" for these seeds.
 
-    Raises BadInput for anything else, none, and one that stands twice.
+    Raises BadInput for any other text, for no seeds, and for a repeated seed.
     """
     words = [word.strip() for word in text.split(",")]
     listed = "," in text
@@ -128,7 +129,7 @@ def asked_seeds(first: int, text: str) -> tuple[int, ...]:
 
 
 def seeds_from(first: int, count: int, name: str = "seeds") -> tuple[int, ...]:
-    """Return `count` seeds from `first` on. Raises BadInput, which calls them by `name`, for none."""
+    """Return `count` seeds from `first` on. Raises BadInput, whose message uses `name`, if `count` is below 1."""
     if count < 1:
         raise BadInput(where=name, found=count, expected="at least 1")
     return tuple(range(first, first + count))
@@ -137,7 +138,8 @@ def seeds_from(first: int, count: int, name: str = "seeds") -> tuple[int, ...]:
 def splits_from(first: int, count: int, held_out: float) -> tuple[int, ...]:
     """Return the seeds of `count` splits from `first` on.
 
-    Raises BadInput for none, and for several where nothing is held out: all of them would be the same.
+    Raises BadInput if `count` is below 1, and for several splits if nothing is held out, since all splits would be
+    equal.
     """
     if count > 1 and held_out == 0:
         raise BadInput(where="splits", found=f"{count} with nothing held out", expected="1, or a part to hold out")

@@ -1,8 +1,8 @@
-"""Which samples of which source a fit was given, and which were held out of it.
+"""Record which samples of a source a fit used for training, and which samples were held out.
 
-A `Split` names the source as it was opened, the part that was held out and by which seed, and how many of the others
-the fit was given at most. The training samples carry it in their provenance, so every fit of them keeps it and saves
-it. With the digest of all samples a source that has changed is noticed, and the parts come out the same again.
+A `Split` records how the source was opened, the held-out fraction, the seed, and the maximum number of training
+samples. The provenance of the training samples contains the split, so every fit to them saves it. A digest of all
+samples reveals whether the source has changed. If it has not, the split gives the same parts again.
 """
 
 import hashlib
@@ -32,7 +32,7 @@ _MOST_NAMES = 100  # of dismissed suspicions: there are fewer
 
 
 def without_places(provenance: Mapping[str, Any]) -> dict[str, Any]:
-    """A fit's provenance to be passed on: its source by name, without the folders of the machine that made it."""
+    """Return a fit's provenance for sharing: file names without the folders of the machine that wrote it."""
     source = provenance.get("source")
     split = source.get("split") if isinstance(source, Mapping) else None
     opening = split.get("opening") if isinstance(split, Mapping) else None
@@ -56,9 +56,9 @@ def _clipped(opening: Fields) -> float | str | None:
 
 
 def samples_digest(samples: Samples) -> str:
-    """SHA-256 (16 digits) of all that a fit sees of a source: directions, values, weights, channels, azimuths.
+    """Return a SHA-256 (16 digits) of all inputs of a fit: directions, values, weights, channels, azimuths.
 
-    Numbers count as float32: the last bits of a float64 may differ between machines.
+    Numbers are rounded to float32, since the last bits of a float64 may differ between machines.
     """
     digest = hashlib.sha256(f"{samples.all_azimuths} {samples.isotropic} {samples.channels}".encode())
     for tensor in (samples.wi, samples.wo, samples.values, samples.weights):
@@ -72,16 +72,16 @@ def samples_digest(samples: Samples) -> str:
 
 @dataclass(frozen=True)
 class Split:
-    """How a source was opened and parted.
+    """How a source was opened and split.
 
     Attributes
     ----------
-    opening : how the source was opened; None for one that was put together by hand and cannot be opened again.
+    opening : how the source was opened; None if it was built in code and cannot be opened again.
     samples : how many samples the source has.
-    digest : of these samples, `samples_digest`.
-    held_out : the part of them that was held out, from 0 (nothing) to below 1.
-    seed : of the draw of the held-out ones, of their random azimuths and of the subset.
-    subset : how many of the others the fit was given at most; 0 is all of them.
+    digest : `samples_digest` of these samples.
+    held_out : the held-out fraction of the samples, at least 0 (nothing) and below 1.
+    seed : the seed of the held-out samples, of their random azimuths and of the subset.
+    subset : the maximum number of training samples; 0 for all.
     """
 
     opening: Opening | None
@@ -98,15 +98,15 @@ class Split:
 
     @classmethod
     def of(cls, source: Source, held_out: float, seed: int, subset: int = 0) -> "Split":
-        """Return the split of a source that is open."""
+        """Return a split of an open source."""
         digest = samples_digest(source.samples)
         return cls(source.opening, len(source.samples), digest, held_out, seed, subset)
 
     @classmethod
     def saved_with(cls, fitted: "Fitted") -> "Split | None":
-        """Return the split that a fit was made from; None where it has none: samples given bare, or a fit of 0.1.0.
+        """Return the split of a saved fit; None for samples without a source and for fits of 0.1.0.
 
-        Raises BadInput where it is there and damaged.
+        Raises BadInput if the saved split is damaged.
         """
         source = fitted.provenance.get("source")
         record = source.get("split") if isinstance(source, Mapping) else None
@@ -149,19 +149,20 @@ class Split:
         return record
 
     def matches(self, source: Source) -> bool:
-        """Return whether a source has the very samples that were split."""
+        """Return whether a source has exactly the samples of this split."""
         return samples_digest(source.samples) == self.digest
 
     def parts(self, source: Source) -> tuple[Samples, Samples | None]:
-        """Return (training, held out) of a source, as measured; no held-out ones where `held_out` is 0.
+        """Return (training, held out) samples of a source, as measured; None for the second if none are held out.
 
-        The training samples are those of the subset, and say in their provenance which split they are of. The parts
-        of a source's last split are kept with it. Raises BadInput for a part that is none, and for too few samples.
+        If there is a subset, the training samples are the subset. Their provenance contains the split. The parts of the
+        last split of a source are cached with the source. Raises BadInput for an invalid `held_out` and for too few
+        samples.
         """
         return self._kept(source).parts
 
     def test_samples(self, source: Source) -> Samples:
-        """What errors are measured on: the held-out samples, all where none were held out, at random azimuths."""
+        """Return the test samples at random azimuths: the held-out samples, or all samples if none were held out."""
         return self._kept(source).test
 
     def _kept(self, source: Source) -> "_Drawn":
@@ -180,11 +181,11 @@ class Split:
         return replace(train, provenance=train.provenance | {"split": self.record()}), held
 
     def open(self, near: Sequence[str | os.PathLike[str]] = ()) -> Source:
-        """Return the source again, with the same samples.
+        """Open the source again, with the same samples.
 
-        A file is looked for where it was, under the same relative path from the working folder, from the folders
-        `near` and from those that they are in, and by its name alone in these. Raises BadInput where it is in none,
-        cannot be read, or has other samples now.
+        homofact looks for the file at its old path. Then it tries the same relative path, and the file name alone, in
+        the working folder, in the folders `near` and in folders above these. Raises BadInput if the file is not found,
+        cannot be read, or now has different samples.
         """
         if self.opening is None:
             raise BadInput("its source was put together by hand and cannot be opened again")

@@ -1,4 +1,4 @@
-"""How far a number of several fits lies apart: mean, least, greatest, standard deviation."""
+"""Summarise a quantity over several fits: mean, minimum, maximum, standard deviation."""
 
 import math
 import statistics
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Spread:
-    """Of `count` numbers; `deviation` is the standard deviation (of a sample, n − 1), None for a single number
+    """The spread of `count` numbers; `deviation` is the sample standard deviation (n − 1), None for a single number
     and where one is not finite."""
 
     count: int

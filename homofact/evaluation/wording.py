@@ -1,12 +1,12 @@
-"""How numbers are written for people, in tables, captions and pages alike."""
+"""Format numbers for tables, captions and pages."""
 
 from collections.abc import Sequence
 
 
 def shapes(sizes: Sequence[Sequence[int]]) -> str:
-    """Return textures by their (rows, columns): "2 × 16²", "2 × 17×15", or rows × columns of each where they differ.
+    """Return texture sizes (rows, columns) as text: "2 × 16²", "2 × 17×15", or each size if they differ.
 
-    One of a single row counts as a square one of its length. A dash where there is none.
+    A texture of a single row is written like a square of the same length. Returns a dash if there are no textures.
     """
     if not sizes:
         return "–"
@@ -26,7 +26,7 @@ def figure(value: float | None) -> str:
 
 
 def brief_figure(value: float) -> str:
-    """Return two significant digits in at most seven characters; whole numbers from 100 to 99,999 have all theirs.
+    """Return two significant digits in at most seven characters; numbers from 100 to 99,999 keep all whole digits.
 
     Examples
     --------
@@ -39,7 +39,7 @@ def brief_figure(value: float) -> str:
 
 
 def ratio_figure(value: float) -> str:
-    """Return a ratio with two significant digits, near 1 with three decimals, so that more than 1 never reads as 1.
+    """Return a ratio with two significant digits, or with three decimals near 1 so that 1.003 does not become 1.
 
     Examples
     --------
@@ -50,7 +50,7 @@ def ratio_figure(value: float) -> str:
 
 
 def part_of_limit(ratio: float) -> str:
-    """Return an error over its limit in percent, and from ten times on as a multiple: "87%", "173 ×".
+    """Return the ratio of an error to its limit in percent, or from 10 on as a multiple: "87%", "173 ×".
 
     Examples
     --------
@@ -66,9 +66,9 @@ def part_of_limit(ratio: float) -> str:
 
 
 def trust_in_words(trusted: bool, said: str = "", wide: bool = False) -> str:
-    """Return whether a fit is trusted, before the sentence of its verdict; one that begins so stays as it is.
+    """Prefix the sentence of a verdict with whether the fit is trusted, unless it already starts with that.
 
-    `wide` tells that its limits are wider than a good fit may be off.
+    `wide` is True if the error bars exceed the largest errors of a good fit.
 
     Examples
     --------
@@ -84,7 +84,7 @@ def trust_in_words(trusted: bool, said: str = "", wide: bool = False) -> str:
 
 
 def light_by_incidence(rows: Sequence[Sequence[float]]) -> str:
-    """Return (from, to, ratio) by θi in degrees as "5° 101%, 15–30° 98%"; an angle where from and to are the same.
+    """Return rows (from, to, ratio) of θi in degrees as "5° 101%, 15–30° 98%"; a single angle if from equals to.
 
     Examples
     --------
@@ -97,9 +97,9 @@ def light_by_incidence(rows: Sequence[Sequence[float]]) -> str:
 
 
 def findings_named(names: Sequence[str]) -> str:
-    """Findings by name, as they follow a verdict's sentence: " (findings: coverage, light)"; "" where there is none.
+    """Return the names of findings as a suffix of the verdict: " (findings: coverage, light)"; "" without findings.
 
-    A name that several findings have is named once.
+    A name that several findings share appears once.
     """
     return f" (findings: {', '.join(dict.fromkeys(names))})" if names else ""
 
@@ -122,7 +122,7 @@ def counted(number: int, noun: str) -> str:
 
 
 def repeated_by(seeds: int, splits: int) -> str:
-    """Return the name of what several fits of a method differ in: "seeds", "splits", or "fits" where it is both.
+    """Return what several fits of a method differ in: "seeds", "splits", or "fits" for both.
 
     Examples
     --------
@@ -133,7 +133,7 @@ def repeated_by(seeds: int, splits: int) -> str:
 
 
 def of_repeats(seeds: int, splits: int) -> str:
-    """Return the number of fits of a method, with what they differ in.
+    """Return the number of fits of a method as text, with the seeds or splits in which they differ.
 
     Examples
     --------

@@ -25,8 +25,8 @@ from homofact.factor.textures import LogSamples, Smoothing, inner_problem, resid
 def with_deviations(samples: LogSamples, terms: tuple[Term, ...], smoothing: Smoothing) -> tuple[Term, ...]:
     """Return the terms with `deviation`, the standard deviation (rows, columns, C) of every texel in log units.
 
-    `terms` are as `solve_terms` left them for these samples and this λ, all solved together. Texels outside of the
-    mask take the deviation 0: nothing was solved there. Costs some T³ operations, once.
+    `terms` must be the result of `solve_terms` for these samples and this λ, all solved together. Texels outside the
+    mask have the deviation 0, since they were not solved for. The cost is of the order of T³ operations.
     """
     masks = tuple(term.mask for term in terms)
     projections = tuple(term.projection for term in terms)

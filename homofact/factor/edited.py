@@ -1,4 +1,4 @@
-"""What a fit's provenance tells of its edits, for people: the name of the material that was edited, and each edit."""
+"""Describe the edits in a fit's provenance as text: the name of the edited material, and each edit."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -15,7 +15,7 @@ _WAYS = {"texels": "in the texels", "solve": "by texels solved again", "texture"
 
 
 def edits_in_words(provenance: Mapping[str, Any]) -> str:
-    """Return what was edited, each edit with its error; "" for a fit that was not edited.
+    """Return a description of each edit with its error; "" for a fit that was not edited.
 
     Examples
     --------
@@ -31,7 +31,7 @@ def edits_in_words(provenance: Mapping[str, Any]) -> str:
 
 
 def edited_name(provenance: Mapping[str, Any]) -> str:
-    """Return what the edited material is called in its scene, "" where that is not known."""
+    """Return the name of the edited material in its scene; "" if it is unknown."""
     return on_one_line(str(provenance.get(EDITED_NAME) or _source(provenance).get(EDITED_NAME) or ""))
 
 

@@ -1,4 +1,4 @@
-"""The objective that preserves reflected light: it adds a flux term to the log error, which alone can lose a highlight.
+"""The objective that preserves reflected light: it adds a flux term, since the log error alone can lose a highlight.
 
 The mean squared log error weights all pairs of directions equally, and the exponential of a mean of logs is less than
 the mean. So a glossy material, whose light is in few pairs, is fitted too dark although its log error is small.
@@ -19,8 +19,8 @@ in which each channel's Σn qn (f/A)²n is `SQUARES_SHARE` Σ w. It is needed si
 highlight, but hardly constrains its shape. Samples of a measurement have q = 0: a few noisy samples would dominate the
 sum.
 
-Near the data ĝ − g − g (s − f̃) ≈ g (s − f̃)²/2 and (ĝ − g)² ≈ g² (s − f̃)²: the same inner problem as that of the
-logs, with sample weights
+Near the data ĝ − g − g (s − f̃) ≈ g (s − f̃)²/2 and (ĝ − g)² ≈ g² (s − f̃)². So J is approximately the inner problem of
+the log error with the sample weights
 
     μ wn + mean_c (½ pnc gnc + qnc g²nc),
 
@@ -67,7 +67,7 @@ ENDS = 3e-5
 
 @dataclass(frozen=True)
 class Flux:
-    """p and q (N, C) of the module's head, without azimuth copies or with, and μ."""
+    """p and q (N, C) and μ of the module docstring, for samples with or without azimuth copies."""
 
     per_value: Tensor
     log_share: float
@@ -85,13 +85,13 @@ class Flux:
         return cls(each[:, None] * scale, share, _squares(samples, transform))
 
     def with_none(self, count: int) -> "Flux":
-        """Return the flux with `count` more samples behind that carry none."""
+        """Return the flux with `count` more samples appended that have zero flux."""
         none = self.per_value.new_zeros(count, self.per_value.shape[1])
         per_value, squares = (torch.cat((own, none)) for own in (self.per_value, self.squares))
         return replace(self, per_value=per_value, squares=squares)
 
     def weights_of(self, samples: LogSamples) -> Tensor:
-        """Return the weights (N,) for which the log squares approximate J near the data, with the samples' sum."""
+        """Return the weights (N,) with which squared log errors approximate J near the data, with unchanged sum."""
         curved = _curvature(self.per_value, self.squares, torch.exp(samples.logs))
         found = self.log_share * samples.weights + curved.mean(1)
         return found * (samples.weights.sum() / found.sum())
@@ -119,10 +119,11 @@ def keep_light(
     factor: np.ndarray | None = None,
     ridge: float = RELATIVE_RIDGE,
 ) -> tuple[tuple[Term, ...], dict[str, float]]:
-    """(terms at the minimum of J, {"before", "after": J, "evaluations"}); `samples` have their own weights, not J's.
+    """Return (terms at the minimum of J, a dictionary of J "before" and "after" and the number of "evaluations").
 
-    `factor` is that of the system that the terms solve with the weights of `Flux.weights_of`, where it is at hand.
-    Works on the CPU; textures come back on their own device. `ridge` is that of the system, relative.
+    `samples` have their own weights, not those of J. `factor` is the Cholesky factor of the system that the terms solve
+    with the weights of `Flux.weights_of`, if it is known. `ridge` is the relative ridge of this system. The
+    minimisation runs on the CPU, and the textures are returned on their original device.
     """
     light = _Light(samples, terms, smoothing, flux, factor, ridge)
     start = light.start()

@@ -1,7 +1,7 @@
-"""How a fit is evaluated, as plain data: which textures are read at which places, and how the values combine.
+"""Describe the evaluation of a fit as plain data: which textures are read where, and how the values are combined.
 
-Shaders, compiled code, renderers and `homofact.runtime` are made from that (`shading.program`) and need not know the
-fit's kind. No torch is loaded here.
+Shaders, compiled code, renderers and `homofact.runtime` use this description (`shading.program`), so they do not depend
+on the kind of fit. This module does not import torch.
 """
 
 from collections.abc import Mapping, Sequence
@@ -23,8 +23,9 @@ _ISOTROPIC = {"theta_i", "theta_o", "theta_h", "theta_d", "phi_d", "delta_phi", 
 class TextureLookup:
     """One fetch: texture number `texture` at (u, v) = `matrix` x in [−1, 1]², a (2, k) float64.
 
-    x (k,) are the `axes` (`geometry.axes`), each factor · raw + offset of `scales`, stretched by a warp of the width
-    `warp` if there is one. `words` describe this in a comment.
+    x (k,) are the coordinates named in `axes` (`geometry.axes`). Each is factor · raw + offset with the numbers of
+    `scales`, then stretched by a warp of width `warp` if there is one. `words` describes the lookup, for comments in
+    shaders.
     """
 
     texture: int
@@ -37,7 +38,7 @@ class TextureLookup:
 
 @dataclass(frozen=True)
 class Product:
-    """The product of the values of some `lookups`, by number, times `signs`, ±1 a channel."""
+    """The product of the values of some `lookups` (indices), times `signs`, ±1 per channel."""
 
     lookups: tuple[int, ...]
     signs: tuple[float, ...]
@@ -47,7 +48,7 @@ class Product:
 class Evaluation:
     """f as plain data: with s the sum of the products, max(0, s), or A max(0, exp(s) − ε) with a `transform`.
 
-    Both are 0 where a direction is under the horizon.
+    The value is 0 if a direction is below the horizon.
     """
 
     lookups: tuple[TextureLookup, ...]
@@ -60,14 +61,14 @@ class Evaluation:
         return all(set(lookup.axes) <= _ISOTROPIC for lookup in self.lookups)
 
     def of_channels(self, own: slice) -> "Evaluation":
-        """Return the evaluation of some of the channels alone."""
+        """Return the evaluation restricted to some channels."""
         products = tuple(Product(each.lookups, each.signs[own]) for each in self.products)
         transform = self.transform and self.transform.of_channels(own)
         return Evaluation(self.lookups, products, transform)
 
 
 class Evaluated(Protocol):
-    """What may have an evaluation: every fit."""
+    """The interface of all objects that can have an evaluation, which every fit implements."""
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -76,30 +77,30 @@ class Evaluated(Protocol):
 
     @property
     def provenance(self) -> Mapping[str, Any]:
-        """What it was made from and by, JSON-able."""
+        """The record of how the fit was made (method, settings, seed, source), JSON-able."""
         ...
 
     @property
     def evaluation(self) -> Evaluation | None:
-        """How values come from its textures; None for a model without."""
+        """The description of how to evaluate the textures; None for a model without textures."""
         ...
 
 
 def evaluation_of(fitted: Evaluated) -> Evaluation:
-    """Return how values come from the textures of a fit. Raises BadInput for a model without textures."""
+    """Return the evaluation of a fit's textures. Raises BadInput for a model without textures."""
     if fitted.evaluation is None:
         refuse_model(fitted)
     return fitted.evaluation
 
 
 def refuse_model(fitted: object) -> NoReturn:
-    """Raise BadInput for a model without textures, where these are wanted."""
+    """Raise BadInput for a model without textures, in places that need textures."""
     raise BadInput("has no textures", where=repr(fitted), expected="a fit by search, cole, mccool, svd, nmf or ggx")
 
 
 @dataclass(frozen=True)
 class Indexed:
-    """What indexes one texture of a product: the matrix of every lookup, conjugates included, and the flat size."""
+    """The lookups of one texture of a product: their matrices, conjugates included, and the size as in `Term.flat`."""
 
     name: str
     system: CoordinateSystem
@@ -109,7 +110,7 @@ class Indexed:
 
 
 def evaluation_of_product(textures: Sequence[Indexed], transform: LogTransform) -> Evaluation:
-    """Return a (exp Σ lookups − ε); a conjugate is a lookup of its own."""
+    """Return the evaluation A (exp Σ lookups − ε), in which a conjugate is a separate lookup."""
     lookups = []
     for k, each in enumerate(textures):
         (rows, columns), system = each.shape, each.system

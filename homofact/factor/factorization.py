@@ -1,11 +1,11 @@
-"""The result: log textures with their projections, which evaluate, save and load.
+"""The result of a factorization: log textures with their projections, which you can evaluate, save and load.
 
 f(ωi, ωo) = A (exp Σj p̃j(πj(ωi, ωo)) − ε), cut at zero; a reciprocal projection adds its texture at the
-conjugate too. On an axis that is periodic in the coordinates a texture goes round (`linear.layout`). Everything an
-evaluation needs is in one .npz file of plain arrays and a JSON header, readable without homofact; arrays are stored
-as they are, so a loaded factorization is bit-identical.
+conjugate too. On a periodic axis of the coordinates, the texture is periodic, too (`linear.layout`). One .npz file of
+plain arrays and a JSON header contains everything that an evaluation needs, and can be read without homofact. Arrays
+are stored without conversion, so a loaded factorization is bit-identical.
 
-A factorization holds NumPy arrays. torch is loaded where directions come as tensors.
+A factorization contains NumPy arrays. torch is imported only if directions are given as tensors.
 """
 
 import os
@@ -58,10 +58,10 @@ A = TypeVar("A", np.ndarray, "Tensor")
 class Term(Generic[A]):
     """One texture and the projection that indexes it: tensors while a solver works on it, NumPy arrays in a fit.
 
-    `texture` is (rows, columns, C) float64, logarithms; `mask` (rows, columns) is True where the texel is
-    held by samples and smoothing, False where its value is only filler. `deviation` (rows, columns, C), where it was
-    asked for, is how far a texel would move in another measurement (`factor.confidence`), in log units; 0 in filler.
-    `grid` is there where every texel is one of its values (`factor.quantize`).
+    `texture` (rows, columns, C) contains logarithms in float64. `mask` (rows, columns) is True for texels that samples
+    and smoothing determine, and False for filler texels. `deviation` (rows, columns, C), if requested, is the standard
+    deviation of each texel under a repeated measurement in log units (`factor.confidence`); it is 0 for filler texels.
+    `grid` is set if the texels are quantized (`factor.quantize`).
     """
 
     projection: Projection
@@ -76,19 +76,19 @@ class Term(Generic[A]):
         return int(self.texture.shape[0]), int(self.texture.shape[1])
 
     def arrays(self) -> "Term[np.ndarray]":
-        """Return the term in NumPy arrays, shared where they can be."""
+        """Return the term as NumPy arrays, which share memory with tensors if possible."""
         return self._mapped(as_array)
 
     def tensors(self, device: Any = "cpu") -> "Term[Tensor]":
-        """Return the term in tensors on a device, shared with the arrays on the CPU."""
+        """Return the term as tensors on a device; on the CPU, they share memory with the arrays."""
         import torch
 
         return self._mapped(lambda values: torch.as_tensor(values).to(device))
 
     def flat(self: "Term[np.ndarray]") -> "Term[np.ndarray]":
-        """The term with the first texels of a periodic axis once more behind the last, as a clamping sampler reads it.
+        """The term with the first texels of each periodic axis repeated after the last, for clamping samplers.
 
-        M texels evenly round and the first again are M + 1 from −1 to +1: what the convention of a clamped axis says.
+        M texels around a circle plus the repeated first texel are M + 1 texels from −1 to +1, as on a clamped axis.
         """
         return self._around(lambda texels, d: np.concatenate((texels, texels.take([0], d)), d))
 
@@ -132,8 +132,8 @@ def sum_of_terms(terms: Sequence[Term[Any]], wi: "Tensor", wo: "Tensor") -> "Ten
 class Factorization:
     """A fitted product of textures; a `Reflectance` and a `Fitted`.
 
-    The terms hold NumPy arrays, made of a solver's tensors where these are given. `provenance` holds what the fit was
-    made from and by (method, seed, sampling, version), JSON-able.
+    The terms contain NumPy arrays; tensors of a solver are converted. `provenance` is the JSON-able record of how the
+    fit was made (method, seed, sampling, version).
     """
 
     terms: tuple[Term[Any], ...]
@@ -174,7 +174,7 @@ class Factorization:
 
     @property
     def textures(self) -> tuple[Texture, ...]:
-        """One texture of logarithms a term, flat (`Term.flat`): every reader clamps."""
+        """One log texture per term, flat (`Term.flat`), since every reader clamps."""
         return tuple(
             Texture(
                 f"texture_{k}", _caption(term.projection), "log", term.texture, term.mask, term.grid, term.deviation
@@ -184,7 +184,7 @@ class Factorization:
 
     @property
     def evaluation(self) -> Evaluation:
-        """A (exp Σ lookups − ε); a conjugate is a lookup of its own."""
+        """The evaluation A (exp Σ lookups − ε), in which a conjugate is a separate lookup."""
         indexed = []
         for term in self.terms:
             projection, warp = term.projection, term.projection.warp
@@ -199,7 +199,7 @@ class Factorization:
         grids: Sequence[QuantizationGrid | None] | None = None,
         facts: Mapping[str, Any] | None = None,
     ) -> "Factorization":
-        """The same projections and masks with other logarithms (rows, columns, C), flat; as `Fitted.with_textures`."""
+        """Return a fit with the same projections and masks and other logarithms (rows, columns, C), flat."""
         chosen = grids or (None,) * len(self.terms)
         terms = zip(self.terms, map(as_array, texels), chosen, strict=True)
         made = tuple(replace(term.flat(), texture=own, grid=grid).round() for term, own, grid in terms)
@@ -208,7 +208,7 @@ class Factorization:
     def trained(
         self, projections: Sequence[Projection], texels: Sequence[Any], facts: Mapping[str, Any]
     ) -> "Factorization":
-        """The same masks with other projections and logarithms (rows, columns, C), not flat; `facts` as above."""
+        """Return a fit with the same masks and other projections and logarithms (rows, columns, C), not flat."""
         terms = tuple(
             replace(term, projection=projection, texture=as_array(own), deviation=None, grid=None)
             for term, projection, own in zip(self.terms, projections, texels, strict=True)
@@ -226,7 +226,7 @@ class Factorization:
         }
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the one file (.npz), beside first and then renamed, so that a failure leaves no half file."""
+        """Write one .npz file under a temporary name and rename it, so that a failure leaves no partial file."""
         header = {
             "format": FORMAT,
             "format_version": FORMAT_VERSION,
@@ -242,7 +242,7 @@ class Factorization:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> "Factorization":
-        """Read what `save` wrote. Raises BadInput for a file that is none, is damaged, or is from a newer version."""
+        """Read a file that `save` wrote. Raises BadInput if it is no such file, is damaged, or has a newer version."""
         saved = SavedFit.read(path, FORMAT, FORMAT_VERSION)
         fields = saved.fields
         channels, transform = channels_and_transform(saved)
@@ -276,7 +276,7 @@ def term_arrays(j: int, term: Term[np.ndarray]) -> dict[str, Any]:
 
 
 def described_term(term: Term[np.ndarray]) -> dict[str, Any]:
-    """Return what the header of a saved fit says of a term beside its arrays."""
+    """Return the entry of a term in the header of a saved fit, without its arrays."""
     projection = term.projection
     return {
         "coordinates": projection.coordinates,
@@ -290,7 +290,7 @@ def described_term(term: Term[np.ndarray]) -> dict[str, Any]:
 def channels_and_transform(saved: SavedFit) -> tuple[tuple[str, ...], LogTransform]:
     """Return the channels of a saved fit, and the ε and A (C,) of its logarithms.
 
-    Raises BadInput for what cannot be meant.
+    Raises BadInput for invalid values.
     """
     channels = tuple(saved.fields.texts("channels", MOST_CHANNELS))
     mean = saved.floats("mean", (len(channels),), least=LEAST_MEAN)
@@ -298,7 +298,7 @@ def channels_and_transform(saved: SavedFit) -> tuple[tuple[str, ...], LogTransfo
 
 
 def stored_term(fields: Fields, saved: SavedFit, j: int, channels: int) -> Term[np.ndarray]:
-    """Term number `j` of a saved fit. Raises BadInput for what no fit could have saved."""
+    """Return term number `j` of a saved fit. Raises BadInput for data that no fit can contain."""
     name = fields.text("coordinates", COORDINATES)
     system = COORDINATES[name]
     quaternions, warp, grid, deviation = None, None, None, None

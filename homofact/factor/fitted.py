@@ -1,6 +1,6 @@
-"""What every fit ends in, whatever its method: a reflectance whose parts can be looked at, stored, exported, read back.
+"""The common interface of the fits of all methods: a reflectance that you can inspect, save, export and load.
 
-A fit says as plain data how it is evaluated (`factor.evaluation`).
+A fit describes its evaluation as plain data (`factor.evaluation`).
 """
 
 import os
@@ -18,7 +18,7 @@ from homofact.linear.arrays import Held, as_arrays
 
 @dataclass(frozen=True)
 class QuantizationGrid:
-    """The values that a texture of whole numbers can hold: low + k · step per channel (C,), k = 0 … `levels`."""
+    """The values of a quantized texture: low + k · step per channel (C,), k = 0 … `levels`."""
 
     low: Held
     step: Held
@@ -33,10 +33,11 @@ class QuantizationGrid:
 class Texture:
     """One texture of a fit.
 
-    `texels` (rows, columns, C) float64; `mask` (rows, columns) is False where no pair of directions reads. `name` is
-    for its files ("texture_0"), `caption` for people: what it is indexed by, in the field's letters. `quantity` says
-    what the texels are: "log" of a product's, "factor" of a sum's. `grid` and `deviation` as in `Term`. `components`
-    name the channels of the texels where they are not the fit's own, as those of a spectral basis.
+    `texels` (rows, columns, C) is float64. `mask` (rows, columns) is False for texels that no pair of directions reads.
+    `name` is for file names ("texture_0"), and `caption` names the coordinates that index the texture, in mathematical
+    notation, for people. `quantity` is "log" for the textures of a product and "factor" for those of a sum of products.
+    `grid` and `deviation` are as in `Term`. `components` names the channels of the texels if they differ from those of
+    the fit, as with a spectral basis.
     """
 
     name: str
@@ -66,27 +67,27 @@ class Fitted(Reflectance, Protocol):
 
     @property
     def terms(self) -> Sequence[Any]:
-        """The terms; how many there are is what reports call the number of textures."""
+        """The terms; reports call their number the number of textures."""
         ...
 
     @property
     def transform(self) -> LogTransform:
-        """The fit's ε and A, by which its error in log space is measured."""
+        """The ε and A of the fit's log transform, which the Cole error uses."""
         ...
 
     @property
     def provenance(self) -> dict[str, Any]:
-        """What it was made from and by (method, seed, settings, version), JSON-able."""
+        """The record of how the fit was made (method, seed, settings, version), JSON-able."""
         ...
 
     @property
     def textures(self) -> tuple[Texture, ...]:
-        """All its textures, in the order in which lookups number them."""
+        """All textures, in the order of the texture numbers in lookups."""
         ...
 
     @property
     def evaluation(self) -> Evaluation | None:
-        """How values come from the textures; None for a model without (`evaluation.evaluation_of` refuses it)."""
+        """The evaluation of the textures; None for a model without textures, which `evaluation_of` rejects."""
         ...
 
     def with_textures(
@@ -95,15 +96,15 @@ class Fitted(Reflectance, Protocol):
         grids: Sequence[QuantizationGrid | None] | None = None,
         facts: Mapping[str, Any] | None = None,
     ) -> Self:
-        """The same fit with other texels of the same sizes, on `grids` where given; `facts` join the provenance."""
+        """Return the fit with other texels of the same sizes and optional `grids`; adds `facts` to the provenance."""
         ...
 
     def describe(self) -> dict[str, Any]:
-        """Return what a manifest says of it beside texels and transform, JSON-able: its kind and its terms."""
+        """Return the kind and terms of the fit for a manifest, JSON-able, without texels and transform."""
         ...
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the one .npz file that reads back bit-identical. Raises BadInput for an unwritable place."""
+        """Write one .npz file that loads bit-identically. Raises BadInput if the file cannot be written."""
         ...
 
 

@@ -1,4 +1,4 @@
-"""The fixed projections as a table, and the bounds of any, apart from their matrices: checks and help load no torch."""
+"""The table of fixed projections, and the bounds of projections, in a module that does not import torch."""
 
 from homofact.geometry.names import COORDINATE_NAMES
 

@@ -1,28 +1,29 @@
-"""The gauge in closed form: what may move between textures without changing their sum.
+"""The gauge in closed form: constants, ramps and products that can move between textures without changing their sum.
 
-A texture sees a lookup's place uv = M x, linear in the coordinates x of its parameterization (stretched, where
-it is warped). Bilinear interpolation reproduces {1, u, v, uv}, and the Laplacian rows of a whole texture vanish on
-them, so neither samples nor smoothing hold a combination Σj (aj + bj·uv + cj uv) that adds to nothing:
+A texture is read at uv = M x, which is linear in the coordinates x of its parameterization (after the warp, if there is
+one). Bilinear interpolation reproduces {1, u, v, uv}, and the Laplacian rows of a whole texture vanish on these
+functions. So neither samples nor smoothing determine a combination Σj (aj + bj·(u, v) + cj u v) whose sum over the
+textures is zero:
 
     constants        Σj nj aj = 0                       with nj the lookups of texture j
     ramps            Σj bjᵀ Σl Mjl = 0                  over textures that share coordinates
     products         Σj cj Σl sym(ujl vjlᵀ) = 0         with ujl, vjl the rows of Mjl
 
 Constants, linear and quadratic forms are independent functions on a domain with an interior, and different
-parameterizations are not linear in each other, so the three conditions stand alone and their solutions are all
-there is: the null space of the problem, however many samples there are. A texture whose conjugate cancels a ramp
-has one by itself.
+parameterizations are not linear in each other, so the three conditions are independent. Their solutions span the null
+space of the problem for any number of samples. A texture whose conjugate lookup cancels a ramp has a null ramp of its
+own.
 
-On a periodic axis (`linear.layout`) a ramp does not close: between the last texel and the first interpolation and
-smoothing see its whole height. What both reproduce and let pass is constant along the axis, so of {1, u, v, uv} a
-texture that is periodic in v keeps {1, u}, and one that is periodic in both keeps {1}; the conditions are the same
-with bj or cj at zero for what is left out, and the constant needs no sample to hold the circle closed. A pole asks for
-one value along its line, which {1, u} has. (Where a mask cuts a circle open, the ramp along the arc that is left is
-free again for textures that share the azimuth; no two of a fit do, and the ridge would hold it.)
+On a periodic axis (`linear.layout`), a ramp is discontinuous: interpolation and smoothing see its whole height between
+the last texel and the first. Only functions that are constant along this axis remain undetermined. Of {1, u, v, uv},
+these are {1, u} if the texture is periodic in v, and {1} if it is periodic in both axes. The conditions are the same,
+with bj or cj equal to zero for the other functions. A pole requires one value along its line, which {1, u} satisfies.
+(If a mask cuts a circle open, the ramp along the remaining arc is undetermined again for textures that share the
+azimuth. No two textures of a fit do, and the ridge would determine it.)
 
-The gauge that is kept: every texture but the first has zero mean over its mask, and no part along the null ramps and
-products, their own means taken off. So it depends neither on the solver nor on noise, and a factor on the data moves
-the first texture by a constant and no other. `linear.least_squares` holds these rows at zero.
+homofact uses this gauge: every texture except the first has zero mean over its mask, and its projection onto the null
+ramps and products (with their means subtracted) is zero. So the gauge depends neither on the solver nor on noise, and a
+constant factor on the data adds a constant to the first texture only. `linear.least_squares` keeps these rows at zero.
 """
 
 import torch
@@ -35,14 +36,14 @@ _RANK = 1e-9
 
 
 def null_space(projections: tuple[Projection, ...], masks: tuple[Tensor, ...]) -> Tensor:
-    """Orthonormal columns (T, G) that span the null space over all texels; zero outside of `masks` (rows, columns)."""
+    """Return orthonormal columns (T, G) that span the null space; zero for texels outside `masks` (rows, columns)."""
     layout = _layout(projections, masks)
     fields, forms = _fields(projections, layout, _inside(layout, masks))
     return _orthonormal(fields @ _null_combinations(forms)).to(masks[0].device)
 
 
 def gauge_rows(projections: tuple[Projection, ...], masks: tuple[Tensor, ...]) -> Tensor:
-    """Orthonormal columns (T, G), as many as `null_space` has: what the gauge of the module's head holds at zero."""
+    """Return orthonormal columns Z (T, G) such that the gauge is Zᵀy = 0; G is the same as in `null_space`."""
     layout = _layout(projections, masks)
     inside = _inside(layout, masks)
     fields, forms = _fields(projections, layout, inside)
@@ -145,8 +146,9 @@ def _symmetric(matrix: Tensor) -> Tensor:
 def in_gauge(texels: Tensor, projections: tuple[Projection, ...], masks: tuple[Tensor, ...]) -> Tensor:
     """Return the texels (T, C) with the same sum everywhere that meet the gauge over `masks`: Zᵀy = 0.
 
-    With N the null space, y − N (ZᵀN)⁻¹ Zᵀy. Textures of several materials, each solved over the texels that its own
-    samples reach, are comparable texel by texel once they all meet the gauge over the same masks.
+    The result is y − N (ZᵀN)⁻¹ Zᵀy, with the null space N. Textures of several materials are solved over different
+    texels, those that their samples reach. Once all of them meet the gauge over the same masks, they can be compared
+    texel by texel.
     """
     null = null_space(projections, masks).to(texels)
     rows = gauge_rows(projections, masks).to(texels)

@@ -1,7 +1,7 @@
 """Several materials under one set of projections: their textures are the layers of texture arrays.
 
-Material k is a `Factorization` of its own, with its own ε and A; projections, texture sizes and channels are those of
-all. They are saved in one .npz, each texture with its layers one under another.
+Material k is a separate `Factorization` with its own ε and A. All materials have the same projections, texture sizes
+and channels. They are saved in one .npz file, in which the layers of each texture are stacked along the rows.
 """
 
 import os
@@ -63,7 +63,7 @@ class Layered:
         return tuple(layer.transform for layer in self.layers)
 
     def evaluate(self, wi: "Tensor", wo: "Tensor", labels: "Tensor") -> "Tensor":
-        """Return BRDF values (N, C) in sr⁻¹ of pairs (N, 3), each of the layer that its label (N,) names.
+        """Return BRDF values (N, C) in sr⁻¹ at pairs (N, 3); `labels` (N,) select the layer of each pair.
 
         Raises BadInput for a label that no layer has.
         """
@@ -77,7 +77,7 @@ class Layered:
         return values
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the one .npz. Raises BadInput for an unwritable place."""
+        """Write one .npz file. Raises BadInput if the file cannot be written."""
         first = self.layers[0]
         header = {
             "format": FORMAT,
@@ -93,7 +93,7 @@ class Layered:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> "Layered":
-        """Read what `save` wrote. Raises BadInput for a file that is none, is damaged, or is from a newer version."""
+        """Read a file that `save` wrote. Raises BadInput if it is no such file, is damaged, or has a newer version."""
         saved = SavedFit.read(path, FORMAT, FORMAT_VERSION)
         fields = saved.fields
         channels = tuple(fields.texts("channels", MOST_CHANNELS))

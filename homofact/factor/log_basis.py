@@ -1,10 +1,10 @@
 """A common basis of log textures: the principal components of the textures of many materials.
 
-Materials under the same projections, their textures in one gauge (`gauge.in_gauge`), are vectors y of T texels times C
-channels. Their mean and the first N principal directions represent all of them, as Nielsen, Jensen and Ramamoorthi 2015
-do for the values of MERL in a log mapping: y ≈ ȳ + U c, with N numbers c per material. The coefficients that fit the
-samples best differ from those that fit the texels best. Since f̃ ≈ B(ȳ + Uc) is linear in c, c is solved from the
-normal equations of the samples, UᵀBᵀWBU c = UᵀBᵀW(f̃ − Bȳ).
+If the textures of several materials have the same projections and gauge (`gauge.in_gauge`), each material is a vector y
+of T texels times C channels. Their mean and the first N principal directions represent all of them, as Nielsen, Jensen
+and Ramamoorthi 2015 do for the values of MERL in a log mapping: y ≈ ȳ + U c, with N numbers c per material. The
+coefficients that fit the samples best differ from those that fit the texels best. Since f̃ ≈ B(ȳ + Uc) is linear in c,
+c is solved from the normal equations of the samples, UᵀBᵀWBU c = UᵀBᵀW(f̃ − Bȳ).
 """
 
 from dataclasses import dataclass
@@ -20,14 +20,14 @@ _RIDGE = 1e-10  # of the mean diagonal: directions that no sample sees stay at 0
 
 @dataclass(frozen=True)
 class LogBasis:
-    """The mean (T, C) and the orthonormal directions (N, T, C) of log textures, the greatest variance first."""
+    """The mean (T, C) and the principal directions (N, T, C) of log textures, sorted by falling variance."""
 
     mean: Tensor
     directions: Tensor
 
     @classmethod
     def of(cls, stack: Tensor, count: int) -> "LogBasis":
-        """Of the textures (M, T, C) of M materials; `count` is at most M − 1. Raises BadInput for another."""
+        """Return the basis of the textures (M, T, C) of M materials. Raises BadInput for a `count` above M − 1."""
         materials = len(stack)
         if not 1 <= count < materials:
             raise BadInput(where="basis", found=f"{count} for {materials} materials", expected=f"1 to {materials - 1}")
@@ -37,7 +37,7 @@ class LogBasis:
 
     @property
     def count(self) -> int:
-        """N."""
+        """The number N of directions."""
         return len(self.directions)
 
     def first(self, count: int) -> "LogBasis":
@@ -49,7 +49,7 @@ class LogBasis:
         return self.directions.flatten(1) @ (texels - self.mean).flatten()
 
     def solved(self, equations: NormalEquations) -> Tensor:
-        """Return the coefficients (N,) that meet the samples of accumulated equations best."""
+        """Return the coefficients (N,) that fit the samples best, from their accumulated normal equations."""
         directions = self.directions
         seen = torch.einsum("tu,nuc->ntc", equations.matrix, directions)
         matrix = torch.einsum("mtc,ntc->mn", directions, seen)

@@ -44,8 +44,8 @@ class ObjectiveValue:
 class Objective:
     """R as a function of one vector: the quaternions of all searched projections, one after another.
 
-    A projection with `rotation` set is searched (8 numbers for a pair, 4 for one quaternion), one without
-    is fixed. The quaternions need not be unit; they are normalised. R is divided by Σw·C, so without
+    A projection with a `rotation` is searched (8 numbers for a pair of quaternions, 4 for one quaternion); a projection
+    without a rotation is fixed. The quaternions need not be unit; they are normalised. R is divided by Σw·C, so without
     penalties it is the weighted Cole error of the samples.
     """
 
@@ -100,7 +100,7 @@ class Objective:
         return replace(self._template, lookups=tuple(lookups))
 
     def error(self, vector: Tensor) -> float:
-        """Return R alone, by the normal equations; no pass for the gradient."""
+        """Return R from the normal equations, without computing the gradient."""
         self.evaluations += 1
         return minimum(self.problem(vector))[1] * self._scale
 

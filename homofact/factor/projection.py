@@ -1,4 +1,4 @@
-"""Projections: how a pair of directions finds its place in a texture.
+"""Projections: functions from a pair of directions to texture coordinates.
 
 A projection is a 2 × k matrix on one of the named coordinates, its rows scaled so that the image of the
 coordinates' domain just fits the texture square [−1, 1]². With orthonormal rows (thesis 2.3.1, appendix
@@ -6,11 +6,11 @@ A: any linear projection is an orthonormal one up to a linear map of the texture
 row (a, b, c, d) on two discs is |(a, b)| + |(c, d)|; the thesis uses the 4-cube, |a| + |b| + |c| + |d|,
 as one does for a box of angles. A one-dimensional texture has a second row of zeros.
 
-The conjugate π* of a projection is P S with S the swap of its coordinates: π*(ωi, ωo) = π(ωo, ωi).
-A reciprocal projection that is not its own conjugate looks its texture up twice (thesis 3.2.3).
+The conjugate π* of a projection is P S with S the matrix that swaps ωi and ωo in its coordinates: π*(ωi, ωo) = π(ωo,
+ωi). A reciprocal projection that is not its own conjugate looks its texture up twice (thesis 3.2.3).
 
-A row that is ±1 at a periodic axis of the coordinates and zero elsewhere makes that axis of the texture periodic
-(`linear.layout`). Any other row that reads one would jump where it closes, and is refused.
+If a row is ±1 at a periodic coordinate and zero elsewhere, its texture axis is periodic (`linear.layout`). Any other
+row with a nonzero entry at a periodic coordinate would be discontinuous there, and homofact rejects it.
 """
 
 from dataclasses import dataclass
@@ -36,14 +36,14 @@ WARPED_AXES = ("u_h", "v_h", "theta_h")
 
 
 def row_bounds(matrix: "Tensor", domain: str, bound: str) -> "Tensor":
-    """Largest |row · x| (2,) over the domain, for the tight ("disc") or the thesis's ("cube") bound."""
+    """Return the largest |row · x| (2,) over the domain: the tight bound ("disc") or that of the thesis ("cube")."""
     if domain == "discs" and bound == "disc":
         return matrix[:, :2].norm(dim=1) + matrix[:, 2:].norm(dim=1)
     return matrix.abs().sum(1)
 
 
 def bound_slopes(rows: np.ndarray, slope: np.ndarray, domain: str, bound: str) -> np.ndarray:
-    """Return the derivative by rows (2, k), from that by the rows divided by their bounds: s/b − (s · row) ∇b/b²."""
+    """Return the derivative by the unscaled rows (2, k), given the derivative s by rows/b: s/b − (s · row) ∇b/b²."""
     if domain == "discs" and bound == "disc":
         lengths = np.sqrt((rows.reshape(2, 2, 2) ** 2).sum(2))
         size = lengths.sum(1, keepdims=True)
@@ -54,7 +54,7 @@ def bound_slopes(rows: np.ndarray, slope: np.ndarray, domain: str, bound: str) -
 
 
 def swap_of(system: CoordinateSystem) -> "Tensor":
-    """Return S (k, k) of the module's head, float64."""
+    """Return the swap matrix S (k, k) of the module docstring, float64."""
     import torch
 
     return torch.tensor(system.swap, dtype=torch.float64, device="cpu")
@@ -62,7 +62,7 @@ def swap_of(system: CoordinateSystem) -> "Tensor":
 
 @dataclass(frozen=True)
 class Warp:
-    """A stretch of the half vector's angle, which gives a narrow specular peak its texels.
+    """A stretching of the half vector's angle, so that a narrow specular peak covers many texels.
 
     ρ ↦ asinh(ρ/width)/asinh(1/width) on ρ in [0, 1]: linear up to `width`, logarithmic beyond. ρ is the
     parabolic radius of h in half-diff and θh/(π/2) where θh is an axis.
@@ -71,7 +71,7 @@ class Warp:
     width: float
 
     def on(self, system: CoordinateSystem, coordinates: "Tensor") -> "Tensor":
-        """Return the coordinates (N, k) with their half-vector part stretched. Raises BadInput where they have none."""
+        """Return the coordinates (N, k) with the half-vector part stretched. Raises BadInput if there is none."""
         return system.stretch(coordinates, self.width)
 
 
@@ -79,9 +79,9 @@ class Warp:
 class Projection:
     """A 2 × k matrix (float64, rows already scaled) on named coordinates.
 
-    `quaternions` (2 or 1, 4) are those of the rotation of R⁴ (k = 4) or R³ (k = 3) that the matrix came from, where it
-    is searched; `name` is the fixed name ("h", "theta_h-theta_d") or "searched". Both are NumPy arrays, made of tensors
-    where these are given.
+    For a searched projection, `quaternions` (2 or 1, 4) are those of the rotation of R⁴ (k = 4) or R³ (k = 3) that
+    gives the matrix. `name` is the name of a fixed projection ("h", "theta_h-theta_d") or "searched". The matrix and
+    the quaternions are NumPy arrays; tensors are converted.
     """
 
     coordinates: str
@@ -98,7 +98,7 @@ class Projection:
 
     @property
     def rotation(self) -> "Rotation | None":
-        """The rotation that the matrix came from; None where it is fixed."""
+        """The rotation that gives the matrix; None for a fixed projection."""
         if self.quaternions is None:
             return None
         import torch
@@ -109,7 +109,7 @@ class Projection:
 
     @property
     def one_way(self) -> bool:
-        """Whether its value changes if ωi and ωo are swapped."""
+        """Whether the texture coordinates change if ωi and ωo are swapped."""
         swapped = self.matrix @ np.array(self.system.swap, dtype=self.matrix.dtype)
         return not self.reciprocal and not np.array_equal(swapped, self.matrix)
 
@@ -148,7 +148,7 @@ class Projection:
         return cls.from_rows(coordinates, rows, reciprocal, bound, quaternions=rotation.quaternions, warp=warp)
 
     def place(self, wi: "Tensor", wo: "Tensor") -> "tuple[Tensor, ...]":
-        """Texture coordinates in [−1, 1]², one (N, 2) tensor for each lookup (two where the conjugate counts)."""
+        """Return texture coordinates in [−1, 1]², one (N, 2) tensor per lookup (two lookups with a conjugate)."""
         return self.place_coordinates(self.prepare(wi, wo))
 
     def prepare(self, wi: "Tensor", wo: "Tensor") -> "Tensor":
@@ -177,7 +177,7 @@ class Projection:
 
 
 def describe_projection(projection: Projection) -> dict[str, Any]:
-    """Return the JSON-able description of a projection, as a manifest explains it."""
+    """Return the JSON-able description of a projection for a manifest."""
     matrices = projection.lookup_matrices
     return {
         "name": projection.name,
@@ -204,7 +204,7 @@ def _rotation(quaternions: np.ndarray | None) -> dict[str, Any] | None:
 
 
 def fixed_projection(name: str, reciprocal: bool, warp: Warp | None = None) -> Projection:
-    """Return the projection of that name: two coordinates taken as they are, or one for a 1D texture.
+    """Return the fixed projection `name`: two coordinates as texture axes, or one coordinate for a 1D texture.
 
     Raises BadInput that lists the names.
     """
@@ -219,7 +219,7 @@ def fixed_projection(name: str, reciprocal: bool, warp: Warp | None = None) -> P
 
 
 def layout_of(projections: tuple[Projection, ...], shapes: tuple[Shape, ...]) -> "TexelLayout":
-    """Return the texels of textures of these shapes (rows, columns), one a projection."""
+    """Return the texel layout of textures with these shapes (rows, columns), one per projection."""
     from homofact.linear.layout import TexelLayout
 
     return TexelLayout(tuple(shapes), tuple(projection.axes for projection in projections))

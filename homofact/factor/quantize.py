@@ -1,29 +1,30 @@
-"""Textures of whole numbers: the texels that fit best among those that 8 or 16 bits can hold.
+"""Quantize textures: find the texels that fit best among those that 8 or 16 bits can represent.
 
-Rounding every texel by itself (`rounded`) throws away what the others could make good. With y the minimum of the inner
-problem, other texels q give logarithms that are off by B(q − y). What counts is how far they are off at the samples and
-wherever else a renderer may ask: half of the weight is on the samples, half on `PAIRS` pairs U. Half of these are
-cosine-weighted; the others are drawn by the scheme lobe, many of them in highlights. (Of cosine-weighted pairs alone
-hardly any is at the tip of a narrow highlight, and where no sample is either, its texel was drawn in: at the tip of
-car-paint-red the logarithms moved by .016 instead of .006, tests/factor/test_quantize.py.)
-Smoothing is there to choose y; the small steps of whole numbers are rough whatever one does, so it counts by
-`SMOOTHNESS` only:
+If every texel is rounded separately (`rounded`), texels cannot compensate for each other's errors. Let y be the minimum
+of the inner problem. Other texels q change the logarithms by B(q − y). This change should be small at the samples and
+at all directions that a renderer may use: half of the weight is on the samples, half on `PAIRS` pairs of directions
+with the lookup matrix U. Half of these pairs are cosine-weighted, the others are drawn by the scheme `lobe`, many of
+them in highlights. (Few cosine-weighted pairs are at the tip of a narrow highlight. Without samples there, its texel
+was clipped to a smaller range: with cosine-weighted pairs alone, the logarithms at the tip of car-paint-red moved by
+.016 instead of .006, see tests/factor/test_quantize.py.) Smoothing has already determined y, and quantized texels
+cannot be smooth on the scale of their steps. So the smoothing term has only the weight `SMOOTHNESS`:
 
     H = ½ BᵀWB/ΣW + ½ UᵀU/|U| + `SMOOTHNESS` (λ'LᵀL + δI)/ΣW.
 
-The whole numbers that make (q − y)ᵀH(q − y) least are a closest-point problem; it is solved as such problems are (Babai
-1986, the nearest plane): with H = RᵀR, R upper triangular, the texels are rounded one after the other, the last first,
-each to the value nearest to yk + Σj>k Rkj (yj − qj)/Rkk, which moves the later ones' errors into it. Texels that are
-held firmly come first. Then single texels move a step as long as that lowers the objective.
+Minimising (q − y)ᵀH(q − y) over whole numbers is a closest-vector problem, solved with Babai's nearest-plane algorithm
+(1986). Let H = RᵀR with R upper triangular. The texels are rounded one after the other, from the last to the first,
+each to the value nearest to yk + Σj>k Rkj (yj − qj)/Rkk. So each texel compensates for the errors of those rounded
+before. The order is such that the texels with the largest diagonal of H are rounded first. Then single texels change by
+a step as long as that lowers the objective.
 
-B holds a sampler's weights: it divides a texel into `FRACTIONS` steps, and the minimum is the one for these weights.
-The range of a texture is part of the fit. Constants and ramps that move between textures without changing their sum
-(`factor.gauge`) are moved so that the ranges, and with them the steps, become small: a linear program a channel. And
-a few texels that samples hardly hold may run far out and widen the steps of all others: each end of each range is
-drawn in as far as that lowers the objective, texels beyond it being held at the end.
+B contains the weights of a GPU sampler, which divides a texel into `FRACTIONS` steps, and y is the minimum for these
+weights. The range of a texture is optimised, too. A linear program per channel moves constants and ramps between
+textures without changing their sum (`factor.gauge`), so that the ranges, and with them the steps, become small. A few
+texels that samples hardly determine may have extreme values, which would widen the steps of all others. So each end of
+each range is moved inwards as far as that lowers the objective, and texels beyond it are clamped to it.
 
-The logarithm of a product is linear in all texels at once, and that is what is solved. A sum of products is not: its
-texels are rounded.
+This works for products, whose logarithm is linear in all texels. A sum of products is not linear in its texels, so they
+are rounded separately.
 """
 
 from dataclasses import replace
@@ -63,10 +64,9 @@ _FIRST_SHARE, _LAST_SHARE = 0.25, 0.01
 def quantize(fitted: F, samples: Samples, storage: str) -> F:
     """Return the fit with texels that `storage` ("png8", "png16") holds exactly.
 
-    A product's are fitted to `samples` anew; its projections, ε, A and λ (from the provenance) stay. `samples` are
-    those it was solved from, with their azimuth copies where a projection knows the azimuth. The texels of a sum of
-    products, whose values are no linear function of them all, are rounded each by itself. Raises BadInput for another
-    storage.
+    The texels of a product are fitted to `samples` again, with the same projections, ε, A and λ (from the provenance).
+    `samples` must be those of the fit, with azimuth copies if a projection depends on the azimuth. The texels of a sum
+    of products are rounded separately, since its values are not linear in them. Raises BadInput for another storage.
     """
     if storage not in LEVELS:
         raise BadInput(where="quantize", found=repr(storage), expected=f"one of {', '.join(LEVELS)}")
@@ -79,7 +79,7 @@ def is_solved(fitted: Fitted) -> bool:
 
 
 def rounded(fitted: F, storage: str) -> F:
-    """Return the fit with every texel rounded by itself within its texture's range: what a plain export does."""
+    """Return the fit with every texel rounded separately within the range of its texture, as a plain export does."""
     made = [
         _rounded(torch.from_numpy(texture.texels), torch.from_numpy(texture.mask), LEVELS[storage])
         for texture in fitted.textures
@@ -127,8 +127,9 @@ def quantized_terms(
 ) -> tuple[Term, ...]:
     """Return the terms with the best texels of `levels` + 1 values a channel, and their grids.
 
-    `solved_anew` takes y from these samples and the sampler's weights; else y are the terms' own texels, as it should
-    be where these are not the minimum of the plain problem (clipped samples, an objective of energy).
+    With `solved_anew`, y is solved from these samples with the sampler's weights. Otherwise y is the texels of the
+    terms, which is right if they are not the minimum of the plain problem (with clipped samples or an energy
+    objective).
     """
     masks = tuple(term.mask for term in terms)
     projections = tuple(term.projection for term in terms)

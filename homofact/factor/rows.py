@@ -1,4 +1,4 @@
-"""What the two rows of a projection's matrix mean for its texture: its axes, its lookups. Plain numbers, no torch."""
+"""Derive the axes and lookups of a texture from the two rows of its projection's matrix, without torch."""
 
 import numpy as np
 
@@ -41,8 +41,9 @@ def lookup_matrices(
 ) -> tuple[np.ndarray, ...]:
     """Return the matrix of every lookup: P alone, or P and its conjugate P S.
 
-    A fixed projection that is its own conjugate is looked up once. A searched one moves, and counts twice even where
-    it happens to be.
+    A fixed projection that is its own conjugate is looked up once. A searched projection always has two lookups, even
+    if it happens to be its own conjugate, since it changes during the search. (The exception is a coordinate system in
+    which the swap changes nothing.)
     """
     swap = np.array(system.swap, dtype=matrix.dtype)
     swapped = matrix @ swap

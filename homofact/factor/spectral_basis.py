@@ -1,8 +1,9 @@
-"""Few spectral basis vectors for the logarithms of many bands. No torch is loaded here; `spectral_choice` makes them.
+"""A spectral basis: a few vectors for the logarithms of many bands. This module does not import torch.
 
 A product's logarithms f̃ (W bands) are a linear function of its texels, band by band, and all bands have the same
-projections. So where f̃ ≈ Σk sk bk + b0 for a few vectors bk over the bands, the textures of the numbers sk have R
-channels instead of W, and they are the textures of all bands times one matrix: nothing is fitted again.
+projections. So if f̃ ≈ Σk sk bk + b0 for R vectors bk over the bands, textures of the coordinates sk need R channels
+instead of W. They are the textures of all bands times one matrix, so no new fit is needed. `spectral_choice` chooses
+the vectors.
 """
 
 from dataclasses import dataclass
@@ -14,10 +15,10 @@ from homofact.linear.arrays import Held, as_arrays
 
 @dataclass(frozen=True)
 class SpectralBasis:
-    """R vectors over W bands: f̃ = s · `vectors` + `offset` of coordinates s (..., R).
+    """R vectors over W bands: f̃ = s · `vectors` + `offset` with coordinates s (..., R).
 
-    `vectors` (R, W) and `offset` (W,) evaluate; `dual` (W, R) gives the coordinates of f̃: f̃ · `dual`, up to a
-    constant that the offset makes good.
+    `vectors` (R, W) and `offset` (W,) serve for evaluation. `dual` (W, R) gives the coordinates f̃ · `dual` of f̃, up
+    to a constant for which the offset compensates.
     """
 
     vectors: Held
@@ -30,16 +31,17 @@ class SpectralBasis:
 
     @property
     def rank(self) -> int:
-        """R."""
+        """The number R of vectors."""
         return len(self.vectors)
 
     @property
     def nbytes(self) -> int:
-        """Bytes of what an evaluation reads, as float32."""
+        """Bytes of `vectors` and `offset`, as float32."""
         return 4 * (self.vectors.size + self.offset.size)
 
     def first(self, rank: int, mean: np.ndarray) -> "SpectralBasis":
-        """Return the basis of the first `rank` vectors; what the others add at `mean` (W,) joins the offset."""
+        """Return the basis of the first `rank` vectors; the offset gets the contribution of the others at `mean`
+        (W,)."""
         vectors, dual = self.vectors[:rank], self.dual[:, :rank]
         return SpectralBasis(vectors, mean - mean @ dual @ vectors, dual)
 

@@ -1,10 +1,10 @@
-"""The spectral basis of a fit, chosen by the error of colour that it leaves.
+"""Choose the spectral basis of a fit by its colour error.
 
-Which vectors are best depends on what counts. Here that is colour. With J the derivatives of L*a*b* under an illuminant
-by f̃ (3, W), a small error δ of f̃ changes the colour by |Jδ|; M = Σ JᵀJ over illuminants and directions measures it,
-with `RIDGE` of its mean diagonal added, so that no band is free. The vectors are the principal components of f̃ in that
-metric: of all bases of rank R, the one that leaves the least E[(f̃ − f̂)ᵀ M (f̃ − f̂)] (Eckart and Young 1936 on
-M^½ f̃). The rank is the smallest whose mean CIEDE2000 is at most a tolerance under every illuminant.
+The best vectors depend on the error measure, which is colour here. Let J (3, W) be the derivatives of L*a*b* under an
+illuminant by f̃. A small error δ of f̃ changes the colour by |Jδ|. The metric is M = Σ JᵀJ over illuminants and
+directions, plus `RIDGE` times its mean diagonal, so that no band has zero weight. The vectors are the principal
+components of f̃ in this metric: of all bases of rank R, they minimise E[(f̃ − f̂)ᵀ M (f̃ − f̂)] (Eckart and Young 1936
+on M^½ f̃). The rank is the smallest whose mean CIEDE2000 is at most a tolerance under every illuminant.
 """
 
 from collections.abc import Mapping, Sequence
@@ -25,9 +25,9 @@ RIDGE = 1e-3
 def whole_basis(
     logs: np.ndarray, weights: np.ndarray, transform: LogTransform, wavelengths: Sequence[float]
 ) -> SpectralBasis:
-    """Return all W vectors for logarithms (N, W) of that transform, with weights (N,).
+    """Return the basis of all W vectors for logarithms (N, W) with weights (N,); `transform` made the logarithms.
 
-    The vectors that lower the error of colour most come first. Raises BadInput as `spectral.to_rgb`.
+    The vectors are sorted by how much they lower the colour error. Raises the BadInput of `spectral.to_rgb`.
     """
     bands = colour_wavelengths(wavelengths)
     share = weights / weights.sum()
@@ -65,7 +65,7 @@ def _values(transform: LogTransform, logs: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class ChosenBasis:
-    """A basis that meets a tolerance, and the mean CIEDE2000 that it leaves, by illuminant."""
+    """A basis that meets a tolerance, and its mean CIEDE2000 error by illuminant."""
 
     basis: SpectralBasis
     differences: Mapping[str, float]
@@ -74,10 +74,10 @@ class ChosenBasis:
 def choose_basis(
     logs: np.ndarray, weights: np.ndarray, transform: LogTransform, wavelengths: Sequence[float], tolerance: float
 ) -> ChosenBasis:
-    """The basis of the smallest rank that leaves at most `tolerance` of mean CIEDE2000 under each of `ILLUMINANTS`.
+    """Return the smallest basis whose mean CIEDE2000 error is at most `tolerance` under each of `ILLUMINANTS`.
 
-    `logs` (N, W) are logarithms of that transform, `weights` (N,) theirs in the mean. All W vectors leave nothing.
-    Raises BadInput as `spectral.to_rgb`.
+    `logs` (N, W) are logarithms by `transform`, and `weights` (N,) are their weights in the mean. The basis of all W
+    vectors has no error. Raises the BadInput of `spectral.to_rgb`.
     """
     whole = whole_basis(logs, weights, transform, wavelengths)
     share = weights / weights.sum()

@@ -1,8 +1,8 @@
-"""A product of textures for a spectrum of many bands, whose textures hold the coordinates of a few basis vectors.
+"""A product of textures for a spectrum of many bands. The textures contain coordinates in a spectral basis.
 
-f(ωi, ωo, λ) = A(λ) (exp(Σk sk bk(λ) + b0(λ)) − ε), cut at zero, where sk are sums of lookups as in a `Factorization`
-and a table (`factor.spectral_basis`) has the vectors bk. It answers in all bands, and it is saved as one .npz, as
-a `Factorization` is.
+f(ωi, ωo, λ) = A(λ) (exp(Σk sk bk(λ) + b0(λ)) − ε), cut at zero, where sk are sums of lookups as in a `Factorization`,
+and bk are the vectors of a table (`factor.spectral_basis`). The fit evaluates to all bands, and is saved as one .npz
+file like a `Factorization`.
 """
 
 import os
@@ -76,10 +76,10 @@ class SpectralFit:
     def of(cls, fit: Factorization, samples: "Samples", tolerance: float, seed: int = 0) -> "SpectralFit":
         """Return a fit of all bands with the basis of the smallest rank that a tolerance allows.
 
-        `tolerance` is of the mean CIEDE2000 to the fit of all bands, under each of `colour_difference.ILLUMINANTS`.
-        Half of the mean is over `samples`, weighted over the discs, half over cosine-weighted pairs, at which a
-        renderer asks. The provenance gets the rank, the tolerance and the differences as "spectral". Raises BadInput
-        for channels that are no spectrum.
+        `tolerance` limits the mean CIEDE2000 difference from the fit of all bands, under each of
+        `colour_difference.ILLUMINANTS`. Half of the mean is over `samples`, weighted over the discs. The other half is
+        over cosine-weighted pairs, which are typical of a renderer. The provenance gets the rank, the tolerance and the
+        differences as "spectral". Raises BadInput if the channels are not a spectrum.
         """
         import torch
 
@@ -146,12 +146,13 @@ class SpectralFit:
 
     @property
     def textures(self) -> tuple[Texture, ...]:
-        """One texture of coordinates a term, flat (`Term.flat`), R channels."""
+        """One texture of coordinates per term, flat (`Term.flat`), with R channels."""
         return tuple(replace(texture, components=self.components) for texture in self._product.textures)
 
     @property
     def evaluation(self) -> Evaluation:
-        """Return that of the product of all bands (`expanded`), where W channels replace the R of a texture."""
+        """Return the evaluation of the product of all bands (`expanded`), whose textures have W channels instead of
+        R."""
         return self.expanded.evaluation
 
     @cached_property
@@ -183,7 +184,7 @@ class SpectralFit:
         return self._product.describe() | {"basis": basis}
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the one file (.npz), whole or not at all. Raises BadInput for an unwritable place."""
+        """Write one .npz file atomically. Raises BadInput if the file cannot be written."""
         header = {
             "format": FORMAT,
             "format_version": FORMAT_VERSION,
@@ -202,7 +203,7 @@ class SpectralFit:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> "SpectralFit":
-        """Read what `save` wrote. Raises BadInput for a file that is none, is damaged, or is from a newer version."""
+        """Read a file that `save` wrote. Raises BadInput if it is no such file, is damaged, or has a newer version."""
         saved = SavedFit.read(path, FORMAT, FORMAT_VERSION)
         channels, transform = channels_and_transform(saved)
         try:
@@ -218,9 +219,9 @@ class SpectralFit:
 
 
 def bands_of(channels: Sequence[str]) -> tuple[float, ...]:
-    """The wavelengths in nm of channels that a spectral basis is for: a visible spectrum of at least `LEAST_BANDS`.
+    """Return the wavelengths in nm of channels that form a visible spectrum of at least `LEAST_BANDS` bands.
 
-    Raises BadInput for others.
+    Raises BadInput for other channels, which have no spectral basis.
     """
     wavelengths = spectrum_of(channels)
     if len(wavelengths) < LEAST_BANDS:

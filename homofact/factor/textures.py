@@ -1,7 +1,7 @@
-"""Textures for given projections: the inner problem set up, solved, and its gauge put in order.
+"""Solve for the textures of given projections: set up the inner problem, solve it, and fix its gauge.
 
-Between projections (which know directions) and the linear system (which knows only coordinates, lookups and
-unknowns).
+This module connects projections, which work with directions, and the linear system, which works only with coordinates,
+lookups and unknowns.
 """
 
 import math
@@ -42,9 +42,10 @@ Smoothing = float | tuple[float, ...]
 
 @dataclass(frozen=True)
 class LogSamples:
-    """Samples after the log transform: what the inner problem sees.
+    """Samples after the log transform, the input of the inner problem.
 
-    `wi`, `wo` (N, 3); `logs` (N, C), f̃; `weights` (N,); `clipped` (N, C) where f̃ may be more, None for nowhere.
+    `wi`, `wo` (N, 3); `logs` (N, C), f̃; `weights` (N,); `clipped` (N, C) is True where the true f̃ may be larger; None
+    if it is so nowhere.
     """
 
     wi: Tensor
@@ -60,7 +61,7 @@ class LogSamples:
         return cls(samples.wi, samples.wo, logs, over_discs(samples), samples.clipped)
 
     def with_more(self, more: "LogSamples") -> "LogSamples":
-        """These samples and `more` behind them."""
+        """Return these samples with `more` appended."""
         pairs = ((self.wi, more.wi), (self.wo, more.wo), (self.logs, more.logs), (self.weights, more.weights))
         clipped = None
         if self.clipped is not None:
@@ -76,7 +77,8 @@ class LogSamples:
     def place(self, projection: Projection, result: Tensor) -> None:
         """Write the coordinates (N, k) that the projection's matrix acts on into `result`.
 
-        A search tries hundreds of mixes on a few thousand samples, in the same few coordinates: those are kept.
+        A search tries hundreds of mixes on a few thousand samples in the same few coordinates, so the coordinates are
+        cached.
         """
         if len(self.logs) > _PLACES_KEPT:
             in_chunks(projection.prepare, self.wi, self.wo, result)
@@ -132,7 +134,7 @@ def inner_problem(
 
 
 def per_texel(smoothing: Smoothing, layout: TexelLayout) -> float | Tensor:
-    """λ of every texel (T,), texture after texture; a single λ stays what it is."""
+    """Return λ of every texel (T,), texture after texture; a single λ is returned unchanged."""
     if not isinstance(smoothing, tuple):
         return smoothing
     return layout.spread(torch.tensor(smoothing, dtype=torch.float64, device="cpu"))
@@ -146,11 +148,11 @@ def roughness_of(layout: TexelLayout, device: torch.device) -> Roughness:
 
 @dataclass(frozen=True)
 class Solved:
-    """Finished terms and how sound their system was.
+    """Solved terms, and figures on how well the system determined them.
 
     `condition` is the 1-norm condition number of the normal matrix; `determined` the share of solved texels that
-    samples hold rather than smoothing alone; `steps` the last solve's iterations, 0 where it had none; `factor` that of
-    the normal matrix where there was one (`linear.solvers.Solution`).
+    samples determine, not smoothing alone; `steps` the number of iterations of the last solve, 0 for a direct solver;
+    `factor` the Cholesky factor of the normal matrix, if there was one (`linear.solvers.Solution`).
     """
 
     terms: tuple[Term, ...]
@@ -173,11 +175,11 @@ def solve_terms(
     solver: str,
     ridge: float = RELATIVE_RIDGE,
 ) -> Solved:
-    """Return the masked solve: finished terms for fixed projections, constants gathered in the first texture.
+    """Solve for the terms of fixed projections, with the constants collected in the first texture.
 
-    The unknowns are the texels in reach of a sample; the others of the projected domain take the value of the
-    nearest of these, since smoothing alone would carry the last ramp on into the dark. The gauge is held in closed
-    form (`factor.gauge`). Clipped samples are one-sided (`one_sided`). `ridge` is relative (`LeastSquares`).
+    The unknowns are the texels near a sample. The other texels of the projected domain get the value of the nearest
+    unknown, since smoothing alone would extrapolate the outermost ramp. The gauge is fixed in closed form
+    (`factor.gauge`). Clipped samples are lower bounds (`one_sided`). `ridge` is relative (`LeastSquares`).
     """
     layout = layout_of(projections, shapes)
     domains = domain_masks(projections, shapes, samples.wi.device)
@@ -209,11 +211,12 @@ def solve_terms(
 
 
 def one_sided(problem: LeastSquares, clipped: Tensor, solution: Solution, solver: str) -> Solution:
-    """The solution in which values that are `clipped` (N, C) only pull upwards, from that in which they count fully.
+    """Return the solution with `clipped` (N, C) values as lower bounds, starting from the plain `solution`.
 
-    Min Σ w r² over the others + Σ w max(r, 0)² over these, r = f̃ − By: convex, and quadratic for a given set of
-    clipped values that lie under their bound. That set is found anew from each solution until it stays, channel by
-    channel. Channels without clipped values keep their texels.
+    The objective is Σ w r² over unclipped values + Σ w max(r, 0)² over clipped values, with r = f̃ − By. It is convex,
+    and quadratic for a fixed set of clipped values whose fit is above the bound (r < 0). Each solution gives a new set,
+    and the solve is repeated per channel until the set no longer changes. Channels without clipped values keep their
+    texels.
     """
     texels = solution.texels.clone()
     for channel in clipped.any(0).nonzero()[:, 0].tolist():
@@ -242,7 +245,7 @@ def _reached(diagonal: Tensor, domains: tuple[Tensor, ...], layout: TexelLayout)
 def centred(terms: tuple[Term, ...]) -> tuple[Term, ...]:
     """Return the same sum with zero mean (over the mask) in every texture but the first, which takes the constants.
 
-    A constant c moved out of a texture that is looked up m times is m·c in the sum.
+    Moving a constant c out of a texture with m lookups changes the sum by m·c.
     """
     first, *rest = terms
     moved = torch.zeros_like(first.texture[0, 0])
@@ -273,7 +276,7 @@ def domain_mask(projection: Projection, shape: Shape) -> Tensor:
 
 @lru_cache(maxsize=8)
 def extreme_points(system: CoordinateSystem) -> Tensor:
-    """Return points (M, k) whose hull is the domain: the corners of a box, or pairs of points on two discs' rims."""
+    """Return points (M, k) whose convex hull contains the domain: the corners of a box, or points around two discs."""
     if system.domain == "box":
         corners = torch.tensor([-1.0, 1.0], dtype=torch.float64, device="cpu")
         return torch.cartesian_prod(*[corners] * system.dimension)
@@ -294,9 +297,9 @@ def residual(samples: LogSamples, terms: tuple[Term, ...]) -> Tensor:
 
 
 def in_chunks(function: Callable[[Tensor, Tensor], Tensor], wi: Tensor, wo: Tensor, result: Tensor) -> None:
-    """Write the function's values of pairs (N, 3) into `result` (N, k), `CHUNK` pairs at a time.
+    """Write the values of `function` at pairs (N, 3) into `result` (N, k), `CHUNK` pairs at a time.
 
-    What a chunk needs on the way (a frame, stencils) is many times its result, and does not grow with N.
+    The temporary memory of a chunk (frames, stencils) is many times its result, but it does not grow with N.
     """
     for begin in range(0, wi.shape[0], CHUNK):
         result[begin : begin + CHUNK] = function(wi[begin : begin + CHUNK], wo[begin : begin + CHUNK])

@@ -1,4 +1,4 @@
-"""The one definition of all coordinates: each axis by name, as few operations on unit ωi and ωo of the hemisphere.
+"""The single definition of all coordinates: each axis by name, with few operations on the unit vectors ωi and ωo.
 
 Shading languages print these expressions, numba compiles them, torch and Dr.Jit interpret them (`interpret`).
 
@@ -18,20 +18,20 @@ McCool, r = norm(t − (t·h)h) and q = |(s.y, s.z)| = |s| |t − (t·h)h|:
     (h × r)·ωi = (s.z e.y − s.y e.z)/(2q),   h·ωi = |s|/2
     parabolic d   = (e.x |s|, s.z e.y − s.y e.z)/(q (2 + |s|))
 
-Where h is the tangent, on the horizon, s.z is kept at `LEAST`, which is the limit of the frame that Python takes
-there and keeps |s| off 0. All angles come from atan2: in float32 acos loses half of a small angle's digits, and
-drivers give it only roughly. Angles are taken together, one function of a vector for all that a fit needs. Where φd
-and |φi − φo| are both needed, they share (s × e).z = −2 (ωi × ωo).z.
+s.z is at least `LEAST`. This keeps |s| above 0, and if h is the tangent, on the horizon, it gives the same limit of the
+frame as the Python code. All angles use atan2: in float32, acos loses half of the digits of a small angle, and graphics
+drivers compute it inaccurately. All angles of a fit are computed together, by one vector function. If φd and |φi − φo|
+are both needed, they share (s × e).z = −2 (ωi × ωo).z.
 
-Where φd is wanted with its sign, over the whole circle ("azimuth_d"), it is atan2((s × e).z, −e.z |s|), and φh is
-atan2(s.y, s.x). The largest θd at which both directions are above the horizon ("reach_d") is
-atan2(cosθh, sinθh |cosφd|) = atan2(s.z, |s.xy| |cosφd|).
+With its sign, over the whole circle ("azimuth_d"), φd is atan2((s × e).z, −e.z |s|), and φh is atan2(s.y, s.x). The
+largest θd at which both directions are above the horizon ("reach_d") is atan2(cosθh, sinθh |cosφd|) = atan2(s.z, |s.xy|
+|cosφd|).
 
 Direction maps of a separable fit come from parabolic coordinates p with r² = |p|²: orthographic (ωx, ωy) = 2p/(1 + r²),
 polar (atan2(p.y, p.x), √(1 − ωz)) with 1 − ωz = 2r²/(1 + r²).
 
-Axes are raw here: parabolic coordinates, cosines, radians. `geometry.coordinates` scales them to a domain, an affine
-map of each that shaders fold into a matrix.
+The axes here are not scaled: parabolic coordinates, cosines, radians. `geometry.coordinates` maps each to its domain by
+an affine map, which shaders combine with the projection matrix.
 """
 
 import math
@@ -63,7 +63,7 @@ class Coordinates:
 
 @lru_cache(maxsize=256)
 def coordinates_of(used: frozenset[str]) -> Coordinates:
-    """Statements for the axes in `used`, from the parameters wi and wo (3,), and no others."""
+    """Return the statements needed for the axes in `used`, from the parameters wi and wo (3,)."""
     mapped = {letter for letter in "iohd" for name in MAPS if set(map_axes(name, letter)) & used}
     wi, wo = variable("wi", 3), variable("wo", 3)
     s, e = variable("s", 3), variable("e", 3)
@@ -193,8 +193,8 @@ def _packed(name: str, value: Expression, axes: list[str], statements: list[Let]
 def stretched(name: str, half: list[Expression], width: float) -> tuple[list[Let], list[Expression], float]:
     """Return (statements, axes, factor) of the half vector's raw axes with its radius ρ stretched by w = `width`.
 
-    ρ ↦ asinh(ρ/w)/asinh(1/w), where ρ is the length of parabolic h (two axes) or θh/(π/2) (one). The last factor,
-    1/asinh(1/w), is left to the scales. `name` makes the names of the statements unique.
+    ρ ↦ asinh(ρ/w)/asinh(1/w), where ρ is the length of parabolic h (two axes) or θh/(π/2) (one). The factor
+    1/asinh(1/w) is returned, for the caller to include in the scales. `name` makes the names of the statements unique.
     """
     whole = 1 / math.asinh(1 / width)
     what = "the half vector's radius r" if len(half) == 2 else "r = theta_h/(pi/2)"
@@ -209,7 +209,7 @@ def stretched(name: str, half: list[Expression], width: float) -> tuple[list[Let
 
 
 def gathered(axes: list[Expression]) -> list[Expression]:
-    """The axes with components of one vector written together: disc.x, disc.y as disc, angle.x, angle.y as angle.xy."""
+    """Merge components of one vector: disc.x, disc.y become disc, and angle.x, angle.y become angle.xy."""
     parts: list[Expression] = []
     for axis in axes:
         last = parts[-1] if parts else None

@@ -1,11 +1,11 @@
 """The named coordinates that a texture may be indexed by.
 
-Each system takes a pair of directions to k numbers. Two kinds of domain:
+Each system maps a pair of directions to k numbers. There are two kinds of domain:
 
 * discs: coordinates of two unit vectors on a direction map, k = 4; on the parabolic map the product of two unit discs;
 * box: k angles, each scaled to [−1, 1].
 
-What the axes are is said once, as expressions, in `axes`; a system names its own and their scales.
+`axes` defines all axes as expressions; a system lists its axes and their scales.
 
 `swap` is the k × k signed permutation S with x(ωo, ωi) = S x(ωi, ωo), by which the conjugate of a
 projection P (thesis 3.2.3) is P S. For isotropic half-diff it is the identity: φd is folded by
@@ -13,19 +13,21 @@ reciprocity (φd ~ φd + π) and left-right symmetry (φd ~ −φd) to [0, π/2]
 reciprocal by itself. Here φd is Rusinkiewicz's, measured in the frame turned with h (so that it does
 not depend on the azimuth), not in the Kautz-McCool frame of half-diff, which is fixed to the tangent.
 
-φd is undefined where h is the normal or ωi and ωo are one, Δφ where one of them is the normal, and what hangs on them
-has a star there. With θh and θd the tilt |cosθi − cosθo| says what φd says, with θi and θo the angle θd what Δφ says,
-and both are continuous on the sphere: isotropic half-tilt, reciprocal by itself like isotropic half-diff, and isotropic
-angles, those between ωi, ωo and the normal.
+φd is undefined if h is the normal or if ωi = ωo. Δφ is undefined if ωi or ωo is the normal. A texture over these
+coordinates shows a star-shaped artefact there. Two systems replace them by coordinates that are continuous on the
+sphere. Together with θh and θd, the tilt |cosθi − cosθo| determines φd: isotropic half-tilt, which is reciprocal by
+itself like isotropic half-diff. Together with θi and θo, θd determines |Δφ|: isotropic angles, those between ωi, ωo and
+the normal.
 
-Half-angles are θh, with the same scale, and φh, the azimuth of h from the tangent, for materials whose highlight knows
-the tangent. φh/π runs once round from −1 to +1, which are one place: a periodic axis. A matrix row may take it as it
-is, but not mixed with another axis, for a mix would jump there; so this system has fixed projections only. Swapping
-ωi and ωo leaves h alone. At θh = 0 φh is undefined (0 is given) and all of its values are one place, the pole.
+Half-angles are θh, with the same scale, and φh, the azimuth of h from the tangent, for materials whose highlight
+depends on the tangent. φh/π covers the circle from −1 to +1, which are the same point: it is a periodic axis. A
+projection may use it alone but not mixed with another axis, since a mix would be discontinuous at ±1. So this system
+has only fixed projections. Swapping ωi and ωo does not change h. At θh = 0, the pole, φh is undefined (the code returns
+0).
 
 Axes of one name are the same function in all systems.
 
-torch is loaded where tensors are asked for: `homofact.runtime` reads the definitions without it.
+torch is imported only when tensors are needed, so `homofact.runtime` can use the definitions without it.
 """
 
 import math
@@ -61,9 +63,10 @@ Scales = tuple[tuple[float, float], ...]
 class CoordinateSystem:
     """A named map from pairs of directions (N, 3), (N, 3) to coordinates (N, k).
 
-    `axes` names the k coordinates, each factor · raw + offset of `scales`; `swap` is described in the module's head;
-    `isotropic` says that the coordinates do not change when both directions are turned about the normal together.
-    `periodic` names the axes that go round, once from −1 to +1; where the axis `pole` is −1, they mean nothing.
+    `axes` names the k coordinates; each is factor · raw + offset, with (factor, offset) from `scales`. `swap` is
+    described in the module docstring. `isotropic` is true if the coordinates do not change when both directions are
+    rotated about the normal. `periodic` names the axes that cover a circle from −1 to +1. They are undefined where the
+    axis `pole` is −1.
     """
 
     name: str
@@ -86,7 +89,7 @@ class CoordinateSystem:
         return {"u_h": 2, "theta_h": 1}.get(self.axes[0], 0)
 
     def evaluate(self, wi: "Tensor", wo: "Tensor", warp: float | None = None) -> "Tensor":
-        """Coordinates (..., k) of unit vectors (..., 3), the half vector's part stretched by a `warp` of that width.
+        """Return coordinates (..., k) of unit vectors (..., 3), with the half vector stretched by a `warp` width.
 
         Raises BadInput for a warp where there is no half vector.
         """
@@ -178,9 +181,9 @@ def half_axes(axes: Sequence[str]) -> int:
 
 
 def check_half_axes(axes: Sequence[str]) -> int:
-    """Return `half_axes`, where there are any.
+    """Return `half_axes`, if there are any.
 
-    Raises BadInput where there are none, and nothing for a warp to stretch.
+    Raises BadInput if there are none, since a warp then has nothing to stretch.
     """
     count = half_axes(axes)
     if count == 0:

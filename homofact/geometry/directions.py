@@ -38,7 +38,7 @@ def to_spherical(w: Tensor) -> tuple[Tensor, Tensor]:
 
 
 def above_horizon(wi: Tensor, wo: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-    """(whether both have z ≥ 0 (N,), wi, wo), pairs (N, 3) that do not being replaced by the normal, a safe place."""
+    """Return (whether both have z ≥ 0 (N,), wi, wo); other pairs (N, 3) are replaced by the normal."""
     above = (wi[:, 2] >= 0) & (wo[:, 2] >= 0)
     if bool(above.all()):
         return above, wi, wo
@@ -47,7 +47,7 @@ def above_horizon(wi: Tensor, wo: Tensor) -> tuple[Tensor, Tensor, Tensor]:
 
 
 def half_difference(wi: Tensor, wo: Tensor) -> tuple[Tensor, Tensor]:
-    """Half vector h and difference vector d, as Kautz and McCool stabilise them (thesis eq. 1.4).
+    """Return half vector h and difference vector d in Kautz and McCool's frame (thesis eq. 1.4).
 
     r = norm(t − (t·h)h), s = h × r, d = (r·ωi, s·ωi, h·ωi) with t the tangent. Swapping ωi and ωo sends
     (dx, dy) to (−dx, −dy). Where h is parallel to t, r is undefined and the normal takes t's place.
@@ -82,8 +82,8 @@ def _half_frame(h: Tensor) -> tuple[Tensor, Tensor]:
 def draw_in_discs(count: int, generator: torch.Generator, radius_squared: float = 1.0) -> tuple[Tensor, Tensor]:
     """Return `count` pairs (wi, wo), each direction uniform in the parabolic disc with u² + v² < `radius_squared`.
 
-    The default for sampling a model: the density of texels is uniform in the same disc. The numbers of
-    numbers.md cut the last ring (0.98), where both directions graze.
+    Texels are uniform in the same disc. The figures in numbers.md use `radius_squared` 0.98, which excludes the
+    outermost ring, at grazing angles.
     """
 
     def disc() -> Tensor:

@@ -1,9 +1,9 @@
-"""Expressions: what an evaluation computes, apart from the language that it is printed or run in.
+"""Expressions: the formulas of an evaluation, independent of the language in which they are printed or run.
 
 The coordinates (`axes`) and the shading programs are made of them. An `Expression` is a tree over scalars and vectors
 of up to four components, built with Python's operators. A program is a list of `Let` statements, each naming one
-expression, and a result. `interpret` runs them on arrays; the languages print them; C, which has no vectors, asks for
-`component`s; the cost model counts their nodes.
+expression, and a result. `interpret` evaluates them on arrays, and the modules of the languages print them. C has no
+vectors, so its printer uses `component`. The cost model counts the nodes.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -23,10 +23,10 @@ Tables = tuple[tuple[str, tuple[tuple[float, ...], ...]], ...]
 class Expression:
     """A node: `kind` is "constant", "name", "swizzle", "vector", "fetch", "cube", "table", an operator or a function.
 
-    `dimension` is 1 for a scalar, else the number of components. `values` are a constant's, `text` a name, the letters
-    of a swizzle, the number of the texture that a fetch reads at its one operand and a cube in the direction and at the
-    level that its two are, or the name of a table that is read at the layer (its component `values[0]` where it was
-    taken apart).
+    `dimension` is 1 for a scalar, else the number of components. `values` are the numbers of a constant. `text` is a
+    name, the letters of a swizzle, or the number of a texture. A fetch reads its texture at its one operand; a cube has
+    two operands, the direction and the level. For a table, `text` is its name, and it is read at the current layer. If
+    a table was split into components, `values[0]` is the component.
     """
 
     kind: str
@@ -89,12 +89,12 @@ def constant(*values: float) -> Expression:
 
 
 def variable(name: str, dimension: int) -> Expression:
-    """Return what a parameter or an earlier statement called `name` holds."""
+    """Return the value of a parameter or an earlier statement called `name`."""
     return Expression("name", dimension, text=name)
 
 
 def vector(*parts: Expression) -> Expression:
-    """Return the vector of scalars and shorter vectors, in order; a single one is what it is."""
+    """Return the vector of scalars and shorter vectors, in order; a single one is returned unchanged."""
     if len(parts) == 1:
         return parts[0]
     return Expression("vector", sum(part.dimension for part in parts), parts)
@@ -130,9 +130,9 @@ def _infix(operator: str, left: Expression, right: Expression) -> Expression:
 
 
 def component(expression: Expression, k: int) -> Expression:
-    """Return the scalar expression of component k: names become swizzles, everything else is taken apart.
+    """Return the scalar expression of component k: names become swizzles, everything else is split.
 
-    A fetch or cube has no components: its statement is printed whole.
+    A fetch or cube cannot be split: its statement is printed as a whole.
     """
     kind, operands = expression.kind, expression.operands
     if expression.dimension == 1 and kind != "dot":
@@ -172,7 +172,7 @@ def nodes(expression: Expression) -> Iterator[Expression]:
 
 
 def needed(statements: Sequence[Let], result: Expression) -> tuple[Let, ...]:
-    """Return the statements that the result depends on, in their order: nothing is computed that is not read."""
+    """Return only the statements that the result depends on, in their order."""
     wanted = {node.text for node in nodes(result) if node.kind == "name"}
     kept = []
     for statement in reversed(statements):
@@ -183,7 +183,7 @@ def needed(statements: Sequence[Let], result: Expression) -> tuple[Let, ...]:
 
 
 def substituted(expression: Expression, values: Mapping[str, tuple[float, ...] | Expression]) -> Expression:
-    """The expression with these names replaced by constants or expressions; a component of a constant is one too."""
+    """Replace names by constants or expressions; a component of a constant becomes a constant."""
     if expression.kind == "name" and expression.text in values:
         value = values[expression.text]
         return value if isinstance(value, Expression) else constant(*value)

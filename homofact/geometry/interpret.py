@@ -1,8 +1,8 @@
-"""Expressions evaluated on arrays: one walk for torch, Dr.Jit or whatever else has these functions.
+"""Evaluate expressions on arrays of torch, Dr.Jit or any library with the same functions.
 
-A value is the list of its components, each an array (or a plain number, for a constant); the walk looks at no array,
-so that it works on any shape, type and device, and can be traced. `NUMPY` is the table of functions for arrays; that
-for tensors is in `torch_functions`, since this module loads no torch.
+A value is the list of its components, each an array (or a plain number, for a constant); The evaluation never inspects
+an array, so it works for any shape, type and device, and can be traced. `NUMPY` is the table of functions for arrays;
+that for tensors is in `torch_functions`, since this module loads no torch.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -28,7 +28,7 @@ def interpret(
     functions: Mapping[str, Callable[..., Any]],
     fetch: Fetch | None = None,
 ) -> dict[str, Value]:
-    """Return `values`, of the parameters by name, with those of the statements added.
+    """Evaluate statements; return `values` of the parameters by name, with those of the statements added.
 
     `functions` is a table for all of `FUNCTIONS` that the statements use, on single components; dot needs none.
     `fetch` gives the channels of a texture, by its number, at a place; of a cube map the place is the direction with

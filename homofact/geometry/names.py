@@ -1,4 +1,4 @@
-"""The names of the coordinates, apart from their formulas, so that checks and help need not load them."""
+"""The names of the coordinates, without their formulas, so that checks and help need not import these."""
 
 # Those that a projection may mix. Half angles have a periodic axis, which only stands by itself.
 COORDINATE_NAMES = IN_OUT, HALF_DIFF, ISOTROPIC_HALF_DIFF, ISOTROPIC_IN_OUT, ISOTROPIC_ANGLES, ISOTROPIC_HALF_TILT = (

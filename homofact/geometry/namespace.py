@@ -1,6 +1,6 @@
-"""Formulas written once for tensors and for arrays: the library that a value belongs to, and values of its kind.
+"""Write formulas once for tensors and arrays: find the library of a value, and convert to values of its kind.
 
-torch is never loaded here: a tensor that is asked about has loaded it.
+This module never imports torch: a caller that passes a tensor has already imported it.
 """
 
 import sys
@@ -19,7 +19,7 @@ def namespace(array: Any) -> Any:
 
 
 def like(values: Any, array: Any) -> Any:
-    """Return numbers, a tensor or an array as what `array` is: tensor or array, of its type, on its device."""
+    """Convert numbers, a tensor or an array to the kind of `array`: tensor or array, of its type, on its device."""
     library = namespace(array)
     if library is np:
         return np.asarray(values, dtype=array.dtype)
@@ -27,7 +27,7 @@ def like(values: Any, array: Any) -> Any:
 
 
 def whole(values: Any) -> Any:
-    """Return numbers without a fraction as integers of 64 bits."""
+    """Convert whole numbers to 64-bit integers."""
     return values.astype(np.int64) if namespace(values) is np else values.long()
 
 

@@ -1,16 +1,17 @@
-"""Fixed nodes for integrals over the hemisphere of one direction while the other is given, as a BRDF wants them.
+"""Fixed nodes for integrals of a BRDF over the hemisphere of one direction, while the other is fixed.
 
-What a material reflects lies in peaks: round the mirror direction, at times round the way back, over something smooth.
-Nodes are therefore laid out over the half vector h of the two directions, in rings that grow like t⁴ from h = n:
+A BRDF has peaks around the mirror direction, and sometimes around the retroreflection direction, over a smooth base.
+The nodes are therefore placed over the half vector h of the two directions, in rings that grow like t⁴ from h = n:
 
     θh = t⁴ θmax(φh),  2 θmax = π/2 + atan2(sinθ cosφh, cosθ),  0 < t < 1,
 
-φh counted from the fixed direction's azimuth, θ its angle. θmax is where the mirrored direction meets the horizon, so
-that every node is above it and no edge cuts through a cell. dωo = 4 (ωi·h) dωh; t by Gauss-Legendre, φh by equal steps,
-which converge fast for what is smooth in h.
+Here θ is the angle of the fixed direction, and φh is counted from its azimuth. At θmax the mirrored direction reaches
+the horizon, so every node is above the horizon and the horizon cuts through no cell. dωo = 4 (ωi·h) dωh. The nodes use
+Gauss-Legendre quadrature in t and equal steps in φh, which converge fast for integrands that are smooth in h.
 
-A second set is the same one turned by π about the normal, and so fine round the way back. The two are blended by the
-balance heuristic (Veach and Guibas 1995): each node counts p/(p + p'), p and p' the densities of both sets there.
+A second set is the first one rotated by π about the normal, so it is fine around retroreflection. Both are combined by
+the balance heuristic (Veach and Guibas 1995): a node has the weight p/(p + p'), where p is the density of its own set
+and p' that of the other set.
 """
 
 import math
@@ -50,7 +51,7 @@ def hemisphere_nodes(fixed: Tensor, rings: int = RINGS, spokes: int = SPOKES) ->
 
 
 def disc_nodes(levels: int) -> tuple[Tensor, Tensor]:
-    """(θ (K,) in radians, weights (K,) of sum 1) for ∫ g(θ) cosθ dω/π over the hemisphere: Gauss-Legendre in sin²θ."""
+    """Return Gauss-Legendre nodes θ (K,) in radians and weights (K,) of sum 1 for ∫ g(θ) cosθ dω/π."""
     nodes, weights = np.polynomial.legendre.leggauss(levels)
     return torch.asin(torch.from_numpy((nodes + 1) / 2).sqrt()), torch.from_numpy(weights / 2)
 

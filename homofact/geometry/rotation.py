@@ -43,7 +43,7 @@ def conjugate(q: Tensor) -> Tensor:
 def power(q: Tensor, exponent: float | Tensor) -> Tensor:
     """q^exponent of unit quaternions (..., 4), by the angle α in [0, π] of q = (cos α, sin α n).
 
-    −1 has no axis of its own; x is taken, so that powers of it stay continuous.
+    The rotation axis of −1 is undefined; the function uses x, so that powers of −1 are continuous.
     """
     vector = q[..., 1:]
     sine = vector.norm(dim=-1, keepdim=True)
@@ -57,7 +57,7 @@ def power(q: Tensor, exponent: float | Tensor) -> Tensor:
 
 @dataclass(frozen=True)
 class Rotation:
-    """A rotation of R⁴ (two unit quaternions, left and right) or of R³ (one), as rows (2, 4) or (1, 4) in float64."""
+    """A rotation of R⁴ (unit quaternions left and right, rows (2, 4)) or of R³ (one, rows (1, 4)), in float64."""
 
     quaternions: Tensor
 
@@ -79,12 +79,12 @@ class Rotation:
 
     @classmethod
     def of_numbers(cls, numbers: Tensor) -> "Rotation":
-        """Return the rotation of a vector of 4 or 8 numbers (or of rows of 4), brought to unit quaternions."""
+        """Return the rotation of 4 or 8 numbers (or of rows of 4), normalised to unit quaternions."""
         return cls(numbers.reshape(-1, 4)).normalized()
 
     @classmethod
     def random(cls, generator: torch.Generator, dimension: int = 4) -> "Rotation":
-        """Uniform on SO(4) or SO(3): every quaternion uniform on the sphere."""
+        """Return a random rotation, uniform on SO(4) or SO(3): every quaternion is uniform on the sphere."""
         count = 2 if dimension == 4 else 1
         return cls.of_numbers(torch.randn(count, 4, dtype=torch.float64, device="cpu", generator=generator))
 
@@ -133,7 +133,7 @@ class Rotation:
         return Rotation(conjugate(self.quaternions))
 
     def normalized(self) -> "Rotation":
-        """Quaternions back at length 1, against the drift of long products."""
+        """Return the rotation with unit quaternions again, which removes the rounding drift of long products."""
         return Rotation(self.quaternions / self.quaternions.norm(dim=1, keepdim=True))
 
     def matrix(self) -> Tensor:

@@ -1,13 +1,13 @@
-"""The rows of a rotation as a function of its quaternions, with the derivative, in plain NumPy.
+"""Compute the rows of a rotation from its quaternions, and the derivative, in plain NumPy.
 
 Row k of a projection is R eₖ. A product of quaternions is linear in each factor: ab = L(a) b = M(b) a with 4 × 4
-matrices L and M, so from the slopes gₖ by the rows
+matrices L and M. Let gₖ be the derivative of the objective by row k. Then
 
     R eₖ = l eₖ r:      ∂/∂l = Σk M(eₖ r)ᵀ gₖ,      ∂/∂r = Σk L(l eₖ)ᵀ gₖ,
 
-and for a single quaternion r is its conjugate. The quaternions are numbers of any length; dividing by it takes the
-part along the quaternion out of the slope. A descent asks for this after every solve, where automatic differentiation
-of a few dozen numbers took longer than the solve itself.
+and for a single quaternion, r is its conjugate. The given quaternions may have any length. They are normalised, which
+removes the component of the derivative along the quaternion. The search needs this derivative after every solve;
+automatic differentiation of a few dozen numbers took longer than the solve itself.
 """
 
 from collections.abc import Callable
@@ -19,7 +19,7 @@ _BASIS = np.eye(4)
 
 
 def rows_with_slope(numbers: np.ndarray) -> tuple[np.ndarray, Callable[[np.ndarray], np.ndarray]]:
-    """(the first two rows (2, k) of the rotation of 8 or 4 numbers, slopes by them (2, k) ↦ slopes by the numbers)."""
+    """Return (the first two rows (2, k) of the rotation of 8 or 4 numbers, the function that maps derivatives)."""
     quaternions = numbers.reshape(-1, 4)
     lengths = np.sqrt((quaternions**2).sum(1, keepdims=True))
     unit = quaternions / lengths

@@ -1,1 +1,1 @@
-"""The ways to fit: one file a method, and what they search by and are judged by."""
+"""The methods, one file each, with the modules for their searches and their validation."""

@@ -15,8 +15,8 @@ from homofact.settings.options import option
 class Cole(Method):
     """Settings of the thesis's procedure.
 
-    Projections are searched on `coordinates`, a term at a time; as each arrives, the last `joint_terms` are solved
-    jointly (thesis 3.2.2: 2), 0 being all of them.
+    Projections are searched on `coordinates`, one term at a time. After each new term, the last `joint_terms` terms are
+    solved jointly (thesis 3.2.2: 2); 0 means all terms.
 
     Examples
     --------

@@ -1,10 +1,9 @@
 """The procedure of the thesis: terms one by one, each projection searched, then a fine solve (2.2, 3).
 
-For each term random rotations are refined by Powell's method on the error of the inner problem, in
-which the last `joint_terms` are solved and the earlier ones stay. The search may run on smaller
-textures and a subset of the samples (thesis 4.2: the projections carry over); the textures that are
-kept come from the solve at full size with the masks applied. Plain on purpose: this is the reference
-that faster searches are measured against.
+For each term random rotations are refined by Powell's method on the error of the inner problem, in which the last
+`joint_terms` are solved and the earlier ones stay fixed. The search may run on smaller textures and a subset of the
+samples (thesis 4.2: the projections carry over); the final textures come from a solve at full size with the masks. The
+method is deliberately simple, because it is the reference for faster searches.
 """
 
 import math
@@ -32,9 +31,9 @@ from homofact.methods.memory import refuse_too_large
 
 
 def solve_greedily(samples: LogSamples, projections: tuple[Projection, ...], settings: Cole) -> Solved:
-    """Return textures of given projections, at full size: the last `joint` solved jointly as each term arrives.
+    """Return full-size textures of given projections; each new term is solved jointly with the last ones.
 
-    The figures of the system are the last solve's.
+    The statistics of the linear system are those of the last solve.
     """
     joint = len(projections) if settings.joint_terms == 0 else settings.joint_terms
     terms: tuple[Term, ...] = ()
@@ -55,10 +54,10 @@ def solve_greedily(samples: LogSamples, projections: tuple[Projection, ...], set
 def fit_cole(samples: Samples, settings: Cole, progress: ProgressCallback | None = None) -> MethodFit:
     """Factor `samples` by the procedure of the thesis.
 
-    `samples` are the training samples as measured: isotropic ones are copied to other azimuths here. An interrupt
-    (Ctrl-C) keeps the terms found so far and is reported as INTERRUPTED, unless there is none yet; so does the guard of
-    `settings.budget` seconds, reported as GUARD, but that the term it strikes in keeps its best projection so far.
-    Either way provenance and details say that the fit is not reproducible.
+    `samples` are the training samples as measured: isotropic ones are copied to other azimuths here. After an interrupt
+    (Ctrl-C), the fit has the terms found so far and the status INTERRUPTED; before the first term, the interrupt is
+    raised. After `settings.budget` seconds, the fit has these terms, and the current term with its best projection so
+    far; its status is GUARD. In both cases, provenance and details record that the fit is not reproducible.
     """
     return as_stored(_fit_terms(samples, settings, progress), samples, settings)
 

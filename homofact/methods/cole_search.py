@@ -1,9 +1,9 @@
 """The thesis's search: projections term by term, each from random rotations by Powell's method (2.2, 3).
 
-A term's search depends on nothing that comes after it, and textures of other sizes are searched at one size. So a chart
-over numbers of textures and sizes asks for the same searches again and again: those of the last few fits are kept, with
-the state of the generator behind them, and a fit that begins alike goes on from there. Its bits are those that it would
-have had, and its seconds count those of the search that it was spared.
+The search for a term does not depend on later terms, and fits with different texture sizes can share one search size. A
+chart over numbers of textures and sizes would therefore repeat the same searches. The module caches the searches of the
+last few fits with the state of the random generator, and a fit that starts with the same terms continues from there.
+The result is bit-identical to a fit without the cache. The reported time includes that of the cached search.
 """
 
 import hashlib
@@ -33,7 +33,7 @@ _AFTER = ("textures", "size", "search_size", "search_samples", "copies", "mirror
 
 @dataclass(frozen=True)
 class SearchedTerms:
-    """The projections found, a report of every restart, whether an interrupt ended the search, and seconds spared."""
+    """The projections, a report of every restart, whether an interrupt ended the search, and the cached time."""
 
     projections: tuple[Projection, ...]
     reports: tuple[Report, ...]
@@ -58,10 +58,10 @@ _kept: OrderedDict[str, list[_Step]] = OrderedDict()
 def search_terms(
     samples: LogSamples, settings: Cole, deadline: float, progress: ProgressCallback | None
 ) -> SearchedTerms:
-    """Return one projection after another, on the coarse samples with textures of the search's size.
+    """Search one projection after another, on the coarse samples with textures of the search's size.
 
-    An interrupt ends it with the terms found so far, or passes on where there is none; a `deadline` by the clock ends
-    it within a term.
+    An interrupt ends the search with the terms found so far; before the first term, it is raised. The `deadline` (on
+    the clock of time.perf_counter) can end the search within a term.
     """
     size = coarse_size(settings)
     steps = _steps_of(samples, settings)
@@ -97,7 +97,7 @@ def search_terms(
 
 
 def search_key(settings: Cole) -> str:
-    """Return what the settings have a say of in a search: fits of the same samples and key share theirs."""
+    """Return a key of the settings that affect a search; fits with the same samples and key share their searches."""
     own = {name: value for name, value in vars(settings).items() if name not in _AFTER}
     return repr((sorted(own.items()), coarse_size(settings)))
 

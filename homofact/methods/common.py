@@ -1,4 +1,4 @@
-"""The steps that every method takes alike: ε and A, outliers, azimuth copies, provenance, whole numbers as texels."""
+"""The steps that all methods share: ε and A, outliers, azimuth copies, provenance, quantized texels."""
 
 from dataclasses import replace
 from typing import Any, TypeVar
@@ -31,7 +31,7 @@ def coarse_size(method: Cole | Search) -> int:
 def transform_of(samples: Samples, method: Method) -> LogTransform:
     """Return the log transform of a fit: the method's ε, or the one for noise-free data, and A of `samples`.
 
-    The noise floor is never taken as less than that of noise-free data.
+    With ε "floor", ε is the noise floor of the samples, but at least the ε of noise-free data.
     """
     epsilon = method.epsilon
     if epsilon == "floor":
@@ -40,7 +40,7 @@ def transform_of(samples: Samples, method: Method) -> LogTransform:
 
 
 def refuse_bounds(samples: Samples, method: Method) -> None:
-    """Raise BadInput for samples that are bounds (clipped ones), where a method takes values alone."""
+    """Raise BadInput for clipped samples, which are only bounds, for methods that cannot use bounds."""
     if samples.clipped is not None:
         raise BadInput(
             f"{method.name} takes no values as bounds", where="clipped", expected="search, cole or mccool with it"
@@ -48,15 +48,16 @@ def refuse_bounds(samples: Samples, method: Method) -> None:
 
 
 def trusted_samples(samples: Samples, method: Method) -> tuple[Samples, float]:
-    """Return (the samples without their outliers, the share of the weight that these had) where the method is robust.
+    """Return (samples without outliers, the outliers' share of the weight) if the method is robust.
 
-    Before A, the flux and the folds are made of them: an outlier in any of these pulls on the whole fit.
+    Otherwise return (all samples, 0). Call it before A, the flux and the folds are computed, because an outlier in any
+    of these affects the whole fit.
     """
     return without_outliers(samples, method.seed) if method.robust else (samples, 0.0)
 
 
 def provenance_of(samples: Samples, method: Method) -> dict[str, Any]:
-    """What a fit says of its making: version, method, settings, and the samples as it was given them; JSON-able."""
+    """Return the provenance of a fit: version, method, settings, and the samples as given; JSON-able."""
     settings = {name: list(value) if isinstance(value, tuple) else value for name, value in vars(method).items()}
     smoothing = settings.get("smoothing")
     return {
@@ -70,9 +71,9 @@ def provenance_of(samples: Samples, method: Method) -> dict[str, Any]:
 
 
 def at_azimuths(samples: Samples, method: Method, knows_azimuth: bool) -> Samples:
-    """What textures are solved from: azimuth copies of isotropic measurements where a projection knows the azimuth.
+    """Return azimuth copies of isotropic samples if a projection depends on the azimuth, otherwise the samples.
 
-    Samples that lie at all azimuths already are taken as they are.
+    Samples that already cover all azimuths are returned unchanged.
     """
     if knows_azimuth and samples.isotropic and not samples.all_azimuths and method.copies > 1:
         return samples.azimuth_copies(method.copies, method.seed, method.mirrored)
@@ -80,9 +81,9 @@ def at_azimuths(samples: Samples, method: Method, knows_azimuth: bool) -> Sample
 
 
 def quantized(fitted: F, samples: Samples, method: Method, storage: str) -> F:
-    """Return a fit of `samples` by `method` with texels that `storage` ("png8", "png16") holds.
+    """Return a fit of `samples` by `method` with texels that `storage` ("png8", "png16") stores exactly.
 
-    Raises BadInput for others.
+    Raises BadInput for other values of `storage`.
     """
     if is_solved(fitted):
         samples, _ = trusted_samples(samples, method)
@@ -91,12 +92,12 @@ def quantized(fitted: F, samples: Samples, method: Method, storage: str) -> F:
 
 
 def as_stored(fit: MethodFit, samples: Samples, method: Method) -> MethodFit:
-    """Return the fit of `samples` as the method stores it: in a spectral basis, with whole numbers as texels."""
+    """Return the fit of `samples` as the method stores it: in a spectral basis and with quantized texels, if set."""
     return with_whole_texels(in_spectral_basis(fit, samples, method), samples, method)
 
 
 def in_spectral_basis(fit: MethodFit, samples: Samples, method: Method) -> MethodFit:
-    """The fit of `samples` with textures of a few basis vectors where the method's `spectral_tolerance` asks for it."""
+    """Return the fit of `samples`, in a spectral basis if the method sets `spectral_tolerance`."""
     if method.spectral_tolerance is None:
         return fit
     own = fit.factorization
@@ -110,7 +111,7 @@ def in_spectral_basis(fit: MethodFit, samples: Samples, method: Method) -> Metho
 
 
 def with_whole_texels(fit: MethodFit, samples: Samples, method: Method) -> MethodFit:
-    """Return the fit of `samples`, its texels whole numbers where the method's `quantize` asks for it."""
+    """Return the fit of `samples`, with quantized texels if the method sets `quantize`."""
     if method.quantize == "none":
         return fit
     return replace(fit, factorization=quantized(fit.factorization, samples, method, method.quantize))

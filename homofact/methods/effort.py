@@ -1,13 +1,13 @@
-"""How much a search may do, counted and not timed, so that what is tried depends on no clock and no machine.
+"""The effort of a search, counted instead of timed, so that its result does not depend on the machine's speed.
 
 The unit is one inner evaluation: the normal equations of two 16² textures from 8000 samples, solved, with the gradient.
-Every other piece of work is weighed by a model of its cost,
+A cost model converts all other work to this unit,
 
     evaluation   a + N (b L + c L²) + d T² + e T³        N samples, L lookups, T texels
     solve            d T² + e T³
 
 with constants fitted to timings on one core (`scripts/speed/cost_model.py` shows how far they are off). They decide
-what a search tries; how long a unit takes is the machine's affair.
+what a search tries. The time that a unit takes depends on the machine.
 """
 
 import math
@@ -32,7 +32,7 @@ def cost_of_evaluation(samples: int, lookups: int, unknowns: int) -> float:
 
 
 def cost_of_solve(unknowns: int) -> float:
-    """Return units of one system that is made from accumulated equations and solved, as for a left-out fold."""
+    """Return units of assembling one system from accumulated equations and solving it, as for a left-out fold."""
     return unknowns**2 * (_SQUARE + _CUBE * unknowns) / _UNIT
 
 
@@ -58,8 +58,8 @@ def units(effort: str | float, textures: int) -> float:
 class FitBudget:
     """Units granted and spent; the deadline is only a guard.
 
-    What runs side by side keeps a budget of its own, which is added to this one when all of it is done: which of two
-    threads comes first must decide nothing.
+    Parallel tasks have their own budgets, which are added to this one after all tasks are done. The result therefore
+    does not depend on the order of the threads.
     """
 
     def __init__(self, granted: float = math.inf, deadline: float = math.inf) -> None:
@@ -74,24 +74,24 @@ class FitBudget:
         self.evaluations += evaluations
 
     def add(self, other: "FitBudget") -> None:
-        """Note the work of a budget of something that ran beside others."""
+        """Add the work of a parallel task's budget."""
         self.spend(other.spent, other.evaluations)
 
     def beside(self) -> "FitBudget":
-        """Return a budget without a limit of units under the same guard, for one of several pieces side by side."""
+        """Return a budget for a parallel task, with the same deadline and no limit of units."""
         return FitBudget(deadline=self.deadline)
 
     @property
     def left(self) -> float:
-        """Units not yet spent; none once the guard has struck."""
+        """Units not yet spent; 0 after the deadline."""
         return 0.0 if self.late else max(self.granted - self.spent, 0.0)
 
     @property
     def late(self) -> bool:
-        """Whether the clock has ended the work."""
+        """Whether the deadline has passed."""
         return time.perf_counter() > self.deadline
 
     @property
     def over(self) -> bool:
-        """Whether nothing more may be begun."""
+        """Whether no more work may start."""
         return self.left <= 0

@@ -11,7 +11,7 @@ from homofact.factor.fitted import Fitted
 
 @dataclass(frozen=True)
 class FitProgress:
-    """Where a running fit is: counted from 1, `best` the lowest error of this term so far."""
+    """The progress of a running fit; terms and restarts count from 1, and `best` is the term's lowest error so far."""
 
     term: int
     terms: int
@@ -26,7 +26,7 @@ ProgressCallback = Callable[[FitProgress], None]
 
 @dataclass(frozen=True)
 class MethodFit:
-    """What a method returns: what it fitted, and the report of how it was reached; `homofact.Fit` is made of it."""
+    """The result of a method: the factorization and its report, from which a `homofact.Fit` is made."""
 
     factorization: Fitted
     report: Report

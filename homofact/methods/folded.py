@@ -1,10 +1,11 @@
 """Cross-validation of the inner problem, at the price of one accumulation.
 
 The normal equations of all samples are the sum of the folds', so leaving a fold out is a subtraction, and the error on
-it is the quadratic form of its own equations. Neither touches the samples again: a λ costs one factorization a fold.
+it is the quadratic form of its own equations. Neither step reads the samples again: each λ costs one matrix
+factorization per fold.
 
-The same holds for textures: the equations of some of them are a block of the equations of all. So the fixed projections
-are accumulated once, all of them together, and every mix of them is judged from its block (`FixedBank`).
+The same holds for textures: the equations of some of them are a block of the equations of all. All fixed projections
+are therefore accumulated together, once, and every mix of them is judged from its block (`FixedBank`).
 """
 
 from abc import ABC, abstractmethod
@@ -27,7 +28,7 @@ _SMOOTHING_RANGE = (1e-7, 1e2)
 
 
 class Judging(ABC):
-    """Equations that give the error on left-out samples for a λ, and the λ with the smallest error."""
+    """Equations for cross-validation: they give the error on left-out samples for a λ, and find the best λ."""
 
     @property
     @abstractmethod
@@ -36,7 +37,7 @@ class Judging(ABC):
 
     @abstractmethod
     def error(self, smoothing: Smoothing, folds: int | None = None) -> float:
-        """Return mean squared log error of left-out samples with this λ, `folds` left out of each partition, or all."""
+        """Return the mean squared log error on left-out samples with this λ, over `folds` folds or all."""
 
     @abstractmethod
     def solves(self, folds: int | None = None) -> int:
@@ -47,14 +48,14 @@ class Judging(ABC):
     ) -> tuple[tuple[float, ...], float]:
         """Return (λ of every texture, error), searched downhill from `start` by scaling all λ together, in decades.
 
-        The error uses the same number of folds as `error`.
+        `folds` has the same meaning as in `error`.
         """
         return self._descend(start, [tuple(range(len(start)))], 2, budget, folds)
 
     def best_each(
         self, start: tuple[float, ...], budget: FitBudget, stride: int = 2, folds: int | None = None
     ) -> tuple[tuple[float, ...], float]:
-        """Return (λ of every texture, error): downhill one texture after another, in `stride` half decades."""
+        """Return (λ of every texture, error), searched for each texture in steps of `stride` half decades."""
         return self._descend(start, [(j,) for j in range(len(start))], stride, budget, folds)
 
     def _descend(
@@ -93,9 +94,10 @@ class Judging(ABC):
 
 @dataclass(frozen=True)
 class Folded(Judging):
-    """The normal equations of every fold for fixed projections, ready to be asked about any λ.
+    """The normal equations of every fold for fixed projections, from which the error for any λ is computed.
 
-    `parts` are the folds of every partition, `shares` the partitions' shares of the judgement, `whole` all samples.
+    `parts` are the equations of the folds of every partition, `shares` the weights of the partitions in the error, and
+    `whole` the equations of all samples.
     """
 
     parts: tuple[tuple[NormalEquations, ...], ...]
@@ -114,7 +116,7 @@ class Folded(Judging):
         shapes: tuple[Shape, ...],
         most: int | None = None,
     ) -> "Folded":
-        """Accumulate `samples`, fold by fold of every partition; with `most`, only so many folds can be left out."""
+        """Accumulate `samples` for every fold of every partition; `most` limits the folds that can be left out."""
         problem = inner_problem(samples, projections, shapes, 0.0)
 
         def accumulated(own: Tensor) -> NormalEquations:
@@ -147,10 +149,10 @@ class Folded(Judging):
         return cls(parts, shares, whole, problem.roughness, len(problem.lookups), layout_of(projections, shapes))
 
     def error(self, smoothing: Smoothing, folds: int | None = None) -> float:
-        """Return mean squared log error of the left-out samples under the texels of all others, with this λ.
+        """Return the mean squared log error on left-out samples, with texels solved from the others with this λ.
 
-        Weighted by the samples' weights within a partition, by the shares between partitions. `folds` leaves out
-        only so many folds of each partition: a first look at a fraction of the price.
+        The mean uses the samples' weights within a partition, and `shares` between partitions. `folds` limits the
+        number of left-out folds per partition, for a cheaper first estimate.
         """
         spread = per_texel(smoothing, self.layout)
         chosen = [parts[:folds] for parts in self.parts]

@@ -1,7 +1,7 @@
-"""The end of a search, at full size: projections moved once more on all samples, then λ of each material.
+"""The last step of a search: refine the projections at full size on all samples, then the λ of each material.
 
-As much of both as an effort of its own grants. Where textures are too large for dense systems, the search's λ is
-carried over.
+This step has its own effort. If the textures are too large for dense systems, the fit uses the search's λ, scaled to
+their size.
 """
 
 import time
@@ -26,9 +26,9 @@ FINE_STEPS, MOST_FINE_STEPS = 10, 40  # iterations at full size: fewer are not w
 def at_full_size(
     task: SearchTask, outcome: SearchOutcome, shapes: tuple[Shape, ...], budget: FitBudget
 ) -> tuple[SearchOutcome, tuple[Mix, ...]]:
-    """Refine searched projections on all samples, then every material's λ: (the outcome, the mix with each λ).
+    """Refine projections and then each material's λ on all samples; return (outcome, the mix with each λ).
 
-    As much of both as `budget` grants.
+    `budget` limits the work of both.
     """
     count = len(task.materials)
     if outcome.status in (Status.INTERRUPTED, Status.GUARD):

@@ -1,10 +1,10 @@
-"""What a texture may be indexed by in a searched factorization: the candidates, by name.
+"""The candidate projections of a texture in a searched factorization, by name.
 
 A kind is a fixed projection ("theta_h-theta_d", "h" …) or the name of coordinates without a periodic axis, on which the
-projection is then searched: a mix of axes, which would jump where a periodic one closes. Symmetry first: for an
-isotropic material only coordinates that do not know the azimuth are candidates, since a 4D one would spend its texels
-on learning that turning changes nothing, and of these only such as are continuous on the sphere. An anisotropic
-material may use both: one texture for its lobe, another for what does not turn with it.
+projection is then searched. A searched projection mixes the axes, so it would jump where a periodic axis wraps around.
+For an isotropic material, the candidates are only coordinates that do not depend on the azimuth and are continuous on
+the sphere; 4D coordinates would waste texels on learning that rotation changes nothing. An anisotropic material may use
+both: one texture for its lobe, another for its isotropic part.
 """
 
 import torch
@@ -57,12 +57,12 @@ def is_searched(kind: str) -> bool:
 
 
 def is_isotropic(kind: str) -> bool:
-    """Return whether the kind's coordinates do not know the azimuth."""
+    """Return whether the kind's coordinates do not depend on the azimuth."""
     return coordinate_system(coordinates_of(kind)).isotropic
 
 
 def takes_warp(kind: str) -> bool:
-    """Return whether the kind reads the half vector's angle, which may be stretched."""
+    """Return whether the kind uses an axis of the half vector, which a warp can stretch."""
     axes = coordinate_system(coordinates_of(kind)).axes
     if not is_searched(kind):
         read = (fixed_projection(kind, True).matrix != 0).any(0).tolist()
@@ -80,7 +80,7 @@ def make(kind: str, reciprocal: bool, warp: Warp | None, generator: torch.Genera
 
 
 def relatives(kind: str) -> tuple[str, ...]:
-    """The fixed projections of two axes on a searched kind's coordinates: places where its rotation may start."""
+    """Return the fixed two-axis projections on a searched kind's coordinates, at which its rotation may start."""
     return tuple(
         name
         for name in FIXED_PROJECTIONS
@@ -91,7 +91,7 @@ def relatives(kind: str) -> tuple[str, ...]:
 def loosened(projection: Projection) -> Projection | None:
     """Return a fixed projection as a searched one at the same place, or None if no rotation represents it.
 
-    Its two axes become the first rows of a rotation: a signed permutation, found in quaternions.
+    Its two axes become the first rows of a rotation, which is a signed permutation, converted to quaternions.
     """
     rows = projection.matrix
     searchable = projection.coordinates in COORDINATE_NAMES

@@ -1,9 +1,9 @@
 """Mixes that often win, tried first.
 
-Most materials are best met by few mixes. `scripts/accuracy/known_mixes.py` runs exhaustive searches on surrogates and
-analytic models, and keeps the mixes that together come nearest to all of their results in `known_mixes.json`. A search
-at the efforts "quick" and "normal" looks at them and descends from the best; "thorough" and efforts given as numbers
-try every mix.
+A few mixes fit most materials best. `scripts/accuracy/known_mixes.py` runs exhaustive searches on surrogates and
+analytic models, and stores in `known_mixes.json` the few mixes that together come closest to all results. A search with
+effort "quick" or "normal" evaluates these mixes and refines the best ones; "thorough" and efforts given as numbers try
+every mix.
 """
 
 import json
@@ -27,7 +27,7 @@ TABLE = Path(__file__).with_name("known_mixes.json")
 
 
 def mix_record(mix: Mix) -> dict[str, Any]:
-    """Return the mix as JSON holds it: kinds, rotations of the searched ones, warp, λ, and whether it is reciprocal."""
+    """Return the mix for JSON: kinds, rotations of the searched ones, warp, λ, and whether it is reciprocal."""
     quaternions = [None if p.quaternions is None else np.asarray(p.quaternions).tolist() for p in mix.projections]
     return {
         "kinds": list(mix.kinds),
@@ -39,7 +39,7 @@ def mix_record(mix: Mix) -> dict[str, Any]:
 
 
 def mix_of_record(record: dict[str, Any], reciprocal: bool, bound: str) -> Mix:
-    """Return the mix of a record, reciprocal or not as asked, not judged yet."""
+    """Return the mix of a record, reciprocal or not as requested, without a validation error."""
     warp = None if record["warp"] is None else Warp(record["warp"])
     projections = tuple(
         _projection(kind, rows, reciprocal, bound, warp if takes_warp(kind) else None)
@@ -59,7 +59,7 @@ def _projection(
 
 @dataclass(frozen=True)
 class KnownMixes:
-    """The mixes of the table as records, by number of textures; `note` tells why there are none though one is due."""
+    """The mixes of the table as records, by number of textures; if the table is unusable, `note` explains why."""
 
     by_count: tuple[tuple[dict[str, Any], ...], ...] = ()
     note: str = ""

@@ -1,4 +1,4 @@
-"""The search among known mixes: a look at each, a short descent of the best few, and a longer one of the winner."""
+"""The search among known mixes: evaluate each, descend briefly from the best few, and longer from the winner."""
 
 from homofact.methods.effort import FitBudget
 from homofact.methods.mix import Mix, is_movable
@@ -13,7 +13,7 @@ def looked_at(trials: Trials, mixes: list[Mix]) -> list[Mix]:
 
 
 def finished(trials: Trials, looked: list[Mix]) -> Mix:
-    """The best of the mixes looked at, where the first few descend a little at the search's own size, polished."""
+    """Descend briefly from the first few mixes, judge them at the search's size, and return the best one polished."""
     moved = trials.beside(lambda mix: _moved(trials, mix), looked[: trials.settings.descending])
     best = min(moved, key=lambda mix: mix.error)
     return trials.beside(lambda mix: trials.polished(mix, alike=False), [best])[0]

@@ -1,8 +1,8 @@
-"""What mixes are tried on: the log samples of one material, or of several that share their projections.
+"""The data for trying mixes: the log samples of one material, or of several that share their projections.
 
-Several materials have textures of their own under the same projections. For given projections each has an inner
-problem of its own, so the objective is the mean of theirs, R(P) = Σk Rk(P)/K, and its slope the mean of their slopes;
-a mix is judged by the mean of their left-out errors. One material is the case K = 1.
+Several materials share the projections, but each has its own textures. For given projections each has its own inner
+problem, so the objective is the mean of the materials' objectives, R(P) = Σk Rk(P)/K, and its gradient the mean of
+their gradients. A mix is judged by the mean of their left-out errors. One material is the case K = 1.
 """
 
 from dataclasses import dataclass
@@ -21,13 +21,13 @@ from homofact.methods.validation import Partition
 
 @dataclass(frozen=True)
 class TrainingMaterial:
-    """One material's log samples and how they are left out."""
+    """One material's log samples and their partitions into folds."""
 
     samples: LogSamples
     partitions: tuple[Partition, ...]
 
     def drawn(self, count: int, seed: int) -> "TrainingMaterial":
-        """At most `count` of the samples, drawn by `seed`, in their order; 0 is all of them."""
+        """Return at most `count` samples, drawn by `seed`, in their original order; 0 means all."""
         if not 0 < count < len(self.samples.logs):
             return self
         chosen = torch.randperm(len(self.samples.logs), generator=torch.Generator().manual_seed(seed))

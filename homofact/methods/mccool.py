@@ -19,12 +19,12 @@ def _expected_projections(value: Any) -> str | None:
 @documented
 @dataclass(frozen=True, kw_only=True)
 class McCool(Method):
-    """Settings of a fit with fixed projections: how many textures there are is how many `projections` are named.
+    """Settings of a fit with fixed projections, with one texture for each name in `projections`.
 
-    The usual list is that of McCool, Ang and Ahmad 2001: p(ωi) q(h) p(ωo), reciprocal, has the textures wi and h.
-    On a `grid` that is "centred" a parabolic map of an even size n has n + 1 rows of n − 1 texels, and a texel at the
-    normal, where the highlight is; on a "plain" one it lies between four. "better" takes the one that is nearer to the
-    training samples.
+    The default is the reciprocal product p(ωi) q(h) p(ωo) of McCool, Ang and Ahmad (2001), with the textures wi and h.
+    On a "centred" `grid`, a parabolic map of even size n has n + 1 rows of n − 1 texels, with a texel at the normal,
+    where the highlight is. On a "plain" `grid`, the normal lies between four texels. "better" uses the grid with the
+    smaller error on the training samples.
 
     Examples
     --------

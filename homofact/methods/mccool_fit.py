@@ -4,8 +4,9 @@ f(ωi, ωo) ≈ p(ωi) q(h) p(ωo): two textures, three lookups, reciprocal by c
 fixed projections by name is solved the same way: one linear problem, all textures together.
 
 The highlight is where h is the normal, the middle of its map. A map of n × n texels, n even, has no texel there, and a
-highlight between four texels is blunt. n + 1 rows of n − 1 texels are as many bytes but one texel and have one: which
-of the two grids is better is tried, for both have equally many unknowns.
+highlight between four texels is blunt. A map with n + 1 rows of n − 1 texels has a texel there, and only one texel less
+in total. The fit tries both grids and keeps the better one (setting `grid`), because they have almost the same number
+of unknowns.
 """
 
 import time
@@ -25,7 +26,7 @@ from homofact.methods.memory import refuse_too_large
 
 
 def fit_mccool(samples: Samples, settings: McCool, progress: ProgressCallback | None = None) -> MethodFit:
-    """Textures for `settings.projections` from samples as measured, copied to other azimuths where one knows them.
+    """Fit textures for `settings.projections` to samples, with azimuth copies if a projection depends on azimuth.
 
     There is one linear solve, so `progress` is never called.
     """

@@ -1,7 +1,7 @@
-"""What a fit will take of memory, said before it begins: the largest of what its steps hold at a time.
+"""The memory that a fit needs, estimated before it starts: the maximum over its steps.
 
-The figures are by measurement (`scripts/speed/memory_of_sizes.py`): how many dense matrices of T² numbers a step holds,
-and how many bytes a stencil's entry takes where systems are sparse.
+The constants are measured (`scripts/speed/memory_of_sizes.py`): the number of dense T × T matrices that a step needs,
+for T texels, and the bytes per stencil entry in sparse systems.
 """
 
 from collections.abc import Sequence
@@ -18,10 +18,10 @@ _BANDS = 4  # a texture's band at a time
 
 
 def refuse_too_large(method: Method, shapes: Sequence[Shape], rows: int, searched: int = 0) -> None:
-    """Raise BadInput where a method's fit of textures of these shapes does not fit into the machine's memory.
+    """Raise BadInput if a fit with textures of these shapes needs more than the machine's memory.
 
-    `rows` are its log samples, azimuth copies included, times the lookups; `searched` the texels of the textures that
-    it searches on. The message names the setting that asks for the most.
+    `rows` is the number of log samples, including azimuth copies, times the number of lookups. `searched` is the number
+    of texels during the search. The message names the setting that needs the most memory.
     """
     texels = sum(rows_of * columns for rows_of, columns in shapes)
     matrix = 8.0 * texels**2

@@ -1,7 +1,7 @@
-"""What every method is: a frozen dataclass of settings, which says by which function it fits.
+"""The base class of methods: a frozen dataclass of settings, which names the function that fits.
 
-Torch takes a second to load and is needed only once something is fitted, so that a settings module imports nothing of
-the module that fits by it: the function stands as a name, `package.module:function`.
+Torch takes a second to load and is needed only to fit. A settings module therefore does not import the module that
+fits; it names the function as `package.module:function`.
 """
 
 from abc import ABC, abstractmethod
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 class Method(ABC):
     """A way to fit: its settings are dataclass fields, and `name` is its name on the command line.
 
-    A method that lacks one of the optional settings below behaves as the value that stands here.
+    A method that lacks one of the optional settings below behaves as with the default value here.
     """
 
     __dataclass_fields__: ClassVar[dict[str, Any]]
@@ -71,11 +71,11 @@ class Method(ABC):
 
     @property
     def stored_textures(self) -> int:
-        """How many textures it stores at most: of a term with two sides of its own, two."""
+        """The maximum number of stored textures; a term with two different sides stores two."""
         return self.most_textures
 
     def fit(self, samples: "Samples", progress: "ProgressCallback | None" = None) -> "MethodFit":
-        """Fit the training samples as measured: the method makes what azimuth copies it needs.
+        """Fit the training samples as measured; the method makes the azimuth copies that it needs.
 
         Only searches call `progress`. An interrupt or the guard `budget` ends a search with the best projections so
         far. Raises BadInput where the samples cannot be fitted.

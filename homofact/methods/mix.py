@@ -46,12 +46,12 @@ def is_movable(mix: Mix) -> bool:
 
 
 def freed(mix: Mix) -> Mix:
-    """Return the mix with projections that may tell light from viewer; its error is not that mix's."""
+    """Return the mix with projections that need not be reciprocal; its `error` is still that of the old mix."""
     return replace(mix, projections=tuple(replace(projection, reciprocal=False) for projection in mix.projections))
 
 
 def with_all_loose(mix: Mix) -> Mix | None:
-    """Return the mix with every texture that can be searched from where it is fixed; None where there is none."""
+    """Return the mix with its fixed projections as searched ones at the same place; None if none can be searched."""
     kinds, projections = [], []
     for kind, projection in zip(mix.kinds, mix.projections, strict=True):
         loose = None if is_searched(kind) else loosened(projection)
@@ -62,7 +62,7 @@ def with_all_loose(mix: Mix) -> Mix | None:
 
 
 def scale_of(smoothing: tuple[float, ...]) -> float:
-    """Return one λ for all textures: the geometric mean, at the whole decade below; 0 where one of them is."""
+    """Return one λ for all textures: the geometric mean, rounded down to a whole decade; 0 if one λ is 0."""
     if min(smoothing) <= 0:
         return 0.0
     return 10.0 ** math.floor(sum(math.log10(value) for value in smoothing) / len(smoothing) + 1e-9)

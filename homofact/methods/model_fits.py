@@ -1,4 +1,4 @@
-"""Fits of the models that have no textures (`models`), on the samples and with the report of any other fit."""
+"""Fits of the models without textures (`models`), with the same samples and the same report as other fits."""
 
 import time
 from dataclasses import replace
@@ -21,7 +21,7 @@ from homofact.parametric.network import train
 def fit_model(samples: Samples, settings: Method, progress: ProgressCallback | None = None) -> MethodFit:
     """Return the model of `settings` fitted to samples; `progress` is never called.
 
-    Raises BadInput for bounds, and a network of other channels than 3.
+    Raises BadInput for clipped samples, and for a network if the samples do not have three channels.
     """
     began = time.perf_counter()
     refuse_bounds(samples, settings)

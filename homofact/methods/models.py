@@ -1,4 +1,4 @@
-"""Models that users know, fitted to be compared: `Ggx`, `Gaussians`, `Npf` and `Nbrdf` have no textures."""
+"""Well-known models, fitted for comparison: `Ggx`, `Gaussians`, `Npf` and `Nbrdf` have no textures."""
 
 from dataclasses import dataclass
 from typing import ClassVar

@@ -13,7 +13,7 @@ from homofact.settings.documented import documented
 class Nmf(Method):
     """Settings of a non-negative sum of products: `textures` is the number of its terms.
 
-    Nothing in it is left to chance; `seed` is that of the split.
+    The fit is deterministic; `seed` is only the seed of the split.
 
     Examples
     --------

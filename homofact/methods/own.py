@@ -21,7 +21,7 @@ class OwnMethod(Method):
         Called with the training samples (`homofact.Samples`) and the seed. It returns a function f(wi, wo) of unit
         vectors (N, 3), with values (N, C) in sr⁻¹ without the cosine, or a reflectance.
     nbytes, fetches : int, optional
-        What an evaluation reads, as tables state it.
+        Bytes and texture lookups of one evaluation, for tables.
     epsilon : float, optional
         ε of the logarithms by which errors are measured. Default: the source's.
     seed : int, optional
@@ -60,5 +60,5 @@ class OwnMethod(Method):
 
     @property
     def most_textures(self) -> int:
-        """None."""
+        """0: such a fit has no textures."""
         return 0

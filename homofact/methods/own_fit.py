@@ -46,7 +46,7 @@ class OwnFit:
         grids: Sequence[QuantizationGrid | None] | None = None,
         facts: Mapping[str, Any] | None = None,
     ) -> "OwnFit":
-        """Raises BadInput: it has none."""
+        """Raise BadInput, because the fit has no textures."""
         raise _refused("no textures")
 
     def describe(self) -> dict[str, Any]:
@@ -54,12 +54,12 @@ class OwnFit:
         return {"kind": OwnMethod.name}
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Raises BadInput: nobody knows how to store the function."""
+        """Raise BadInput, because homofact cannot store a user's function."""
         raise _refused("a function of yours")
 
 
 def fit_own(samples: Samples, settings: OwnMethod, progress: ProgressCallback | None = None) -> MethodFit:
-    """Fit by the function of `settings`. Raises BadInput for what it returns where that is no such reflectance."""
+    """Fit with the function in `settings`. Raises BadInput if it does not return a suitable reflectance."""
     began = time.perf_counter()
     made = settings.function(samples, settings.seed)
     reflectance = made if hasattr(made, "evaluate") else FunctionReflectance(made)

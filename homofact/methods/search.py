@@ -29,15 +29,16 @@ def _expected_effort(value: Any) -> str | None:
 class Search(Method):
     """Settings of the searched fit.
 
-    `projections` pins what textures are indexed by, one name for all or one each: a fixed projection, or coordinates on
-    which one is searched; None leaves the choice to the fit. `search` refines projections: "gradient", "powell", or
-    "nlopt-" and an nlopt algorithm's name. `validation` selects how mixes and λ are judged on measurements that lie on
-    rings of θ: by left-out "rings", or at "random", which rewards the faults of each ring. `effort` is how much is
-    searched: "quick" and "normal" descend from the best one or three of the mixes that often win (`known_mixes`),
-    "thorough" and a number of equivalent inner evaluations try every mix. `budget` is a guard in seconds. Where
-    `reciprocal` is None, the fit is not reciprocal if the data are clearly better met so and no kinds are pinned.
-    `objective` says what is made small: squared logs ("log", the thesis's error), the divergence of flux ("energy"), or
-    both. `bytes` stands instead of `size`: textures are as large as fit, their shapes chosen by cross-validation.
+    `projections` sets the projections of the textures, one name for all or one per texture: a fixed projection, or
+    coordinates on which a projection is searched. If it is None, the fit chooses them. `search` refines projections:
+    "gradient", "powell", or "nlopt-" and an nlopt algorithm's name. `validation` selects how mixes and λ are judged on
+    measurements that lie on rings of θ: by left-out "rings", or by "random" samples, which favours fits that reproduce
+    the faults of each ring. `effort` limits the search: "quick" and "normal" descend from the best one or three of the
+    mixes that often win (`known_mixes`); "thorough" and a number of equivalent inner evaluations try every mix.
+    `budget` is a time limit in seconds. If `reciprocal` is None, the fit is reciprocal unless the data are clearly
+    fitted better without it, and always if `projections` are set. `objective` is the error to minimize: squared logs
+    ("log", the thesis's error), the divergence of flux ("energy"), or both. `bytes` replaces `size`: the textures are
+    as large as the bytes allow, and cross-validation chooses their shapes.
 
     Examples
     --------
@@ -112,5 +113,5 @@ class Search(Method):
 
     @property
     def most_textures(self) -> int:
-        """How many textures at most: `textures`, or of so many bytes at least three."""
+        """The maximum number of textures: `textures`, but at least three if `bytes` is set."""
         return self.textures if self.bytes is None else max(self.textures, _MOST_TEXTURES)

@@ -1,4 +1,4 @@
-"""What a searched fit sees of one material: its log samples, their flux, and how it is judged."""
+"""The data of one material for a searched fit: its log samples, their flux, and the folds for validation."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -17,10 +17,10 @@ FOLDS = 4
 
 @dataclass(frozen=True)
 class SearchData:
-    """What a fit sees: log samples with their own weights, their flux (None where logs alone count), and how to judge.
+    """The data of a fit: log samples with their own weights, their flux (None if only logs are fitted), and folds.
 
-    Copies of one measurement are in one fold. What lies beyond the measurement comes last, carries no flux and is never
-    left out.
+    Copies of one measurement are in one fold. Extrapolated samples beyond the measurement come last, have no flux and
+    are never left out.
     """
 
     logs: LogSamples
@@ -41,7 +41,7 @@ class SearchData:
         return cls(logs, flux, tuple(partition.repeated(times) for partition in partitions))
 
     def with_more(self, more: Samples | None, transform: LogTransform) -> "SearchData":
-        """With samples from beyond the measurement."""
+        """Return the data with extrapolated samples added."""
         if more is None:
             return self
         flux = None if self.flux is None else self.flux.with_none(len(more))
@@ -55,10 +55,10 @@ class SearchData:
 
     @property
     def material(self) -> TrainingMaterial:
-        """What mixes are tried on."""
+        """The data for trying mixes."""
         return TrainingMaterial(self.judged, self.partitions)
 
     @property
     def measured(self) -> LogSamples:
-        """Without what lies beyond the measurement."""
+        """The log samples without extrapolated ones."""
         return self.logs.select((self.partitions[0].folds != BEYOND).nonzero()[:, 0])

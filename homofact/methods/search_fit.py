@@ -49,9 +49,9 @@ _FINE_SHARE = 0.5  # of the search's effort, once more for refining and smoothin
 def fit_search(samples: Samples, settings: Search, progress: ProgressCallback | None = None) -> MethodFit:
     """Factor `samples` (the training samples as measured, without azimuth copies) with `settings.effort`.
 
-    `settings.budget` seconds end the search where the effort takes longer: a guard, after which the status is GUARD and
-    the provenance says that the fit is not reproducible. The report's notes say what the user should know: textures
-    that were not worth having, the guard, an interrupt. Raises BadInput where the samples cannot fill the folds.
+    If the effort takes longer than `settings.budget` seconds, the search ends early. The status is then GUARD, and the
+    provenance records that the fit is not reproducible. The report's notes mention textures that did not lower the
+    error, the time limit, or an interrupt. Raises BadInput if there are too few samples for the folds.
     """
     return as_stored(fit_shared((samples,), settings, progress)[0], samples, settings)
 
@@ -62,9 +62,9 @@ def fit_shared(
 ) -> tuple[MethodFit, ...]:
     """Factor several materials with one set of projections and texture sizes: a fit of each, in their order.
 
-    The projections are those that leave the least mean error of all (`methods.materials`); for these each material's
-    λ and texels are its own. The effort is granted once for every material. Raises BadInput as `fit_search`, and where
-    channels differ.
+    The projections minimize the mean error of all materials (`methods.materials`); each material has its own λ and
+    texels. The total effort is `settings.effort` times the number of materials. Raises BadInput as `fit_search`, and
+    where channels differ.
     """
     began = time.perf_counter()
     task = SearchTask.of(several, settings, began)
@@ -81,7 +81,7 @@ def fit_shared(
 
 @one_thread
 def find_mixes(samples: Samples, settings: Search) -> SearchOutcome:
-    """Return the search over mixes alone, on small textures: the best of one texture, of two, and so on.
+    """Search only for mixes, on small textures; return the best mix with one texture, with two, and so on.
 
     Raises BadInput.
     """
@@ -90,7 +90,7 @@ def find_mixes(samples: Samples, settings: Search) -> SearchOutcome:
 
 
 def trials_of(samples: Samples, settings: Search) -> Trials:
-    """Return what `find_mixes` tries mixes on, without a limit of work. Raises BadInput."""
+    """Return the `Trials` of `find_mixes`, without a limit of work. Raises BadInput."""
     task = SearchTask.of((samples,), settings, time.perf_counter())
     return Trials(task.drawn, task.structure, FitBudget())
 

@@ -1,4 +1,4 @@
-"""What a searched fit is to do: materials in logarithms, sizes, kinds that textures may be, and the work granted."""
+"""The task of a searched fit: materials in logarithms, sizes, candidate kinds of textures, and the granted work."""
 
 import math
 from collections.abc import Sequence
@@ -26,7 +26,7 @@ from homofact.methods.trials import StructureSettings
 
 
 def search_named(name: str) -> Minimizer:
-    """The search over one vector of projections by name: "gradient", "powell", or "nlopt-" and nlopt's algorithm."""
+    """Return the optimizer of the projections by name: "gradient", "powell", or "nlopt-" and nlopt's algorithm."""
     if name == "gradient":
         return Gradient()
     if name == "powell":
@@ -37,7 +37,7 @@ def search_named(name: str) -> Minimizer:
 
 
 def candidates_of(isotropic: bool, settings: Search) -> tuple[tuple[str, ...], ...]:
-    """Return which kinds each texture may be: all that suit the material, one for all, or a list, one a texture."""
+    """Return the candidate kinds: all that suit the material, or those in `projections` (one, or one per texture)."""
     if settings.projections is None:
         return (ISOTROPIC_CANDIDATES if isotropic else ANISOTROPIC_CANDIDATES,)
     return tuple((kind,) for kind in settings.projections)
@@ -45,7 +45,7 @@ def candidates_of(isotropic: bool, settings: Search) -> tuple[tuple[str, ...], .
 
 @dataclass(frozen=True)
 class TextureSizes:
-    """Texels along a side of a texture, and of one in the search; `texels` of all textures where bytes are given."""
+    """Texels per side of a texture, and of a texture in the search; `texels` of all textures if bytes are given."""
 
     side: int
     coarse: int
@@ -63,7 +63,7 @@ class TextureSizes:
 
 @dataclass(frozen=True)
 class FittedMaterial:
-    """One material: its samples as given, the share of outliers among them, and what is fitted to the others."""
+    """One material: its samples as given, their share of outliers, and the data made of the other samples."""
 
     given: Samples
     outliers: float
@@ -74,7 +74,7 @@ class FittedMaterial:
 
 @dataclass(frozen=True)
 class SearchTask:
-    """What is to be fitted, how large, and with how much work until which time."""
+    """The materials to fit, the sizes and kinds of textures, the granted work, and the deadline."""
 
     settings: Search
     materials: tuple[FittedMaterial, ...]
@@ -85,7 +85,7 @@ class SearchTask:
 
     @classmethod
     def of(cls, several: Sequence[Samples], settings: Search, began: float) -> "SearchTask":
-        """Return the task of fitting these materials, begun at that time. Raises BadInput as `fit_shared`."""
+        """Return the task of fitting these materials, started at `began`. Raises BadInput as `fit_shared`."""
         _check_samples(several, settings)
         sizes = TextureSizes.of(settings, len(several[0].channels))
         candidates = candidates_of(all(samples.isotropic for samples in several), settings)
@@ -101,7 +101,7 @@ class SearchTask:
 
     @property
     def drawn(self) -> Materials:
-        """The samples that the search sees."""
+        """The samples that the search uses."""
         return self.full.drawn(self.settings.search_samples, self.settings.seed)
 
     @property
@@ -124,7 +124,7 @@ class SearchTask:
 
     @property
     def smoothing_for(self) -> SmoothingFor:
-        """λ of other textures than the search's; more samples bear less smoothing."""
+        """The conversion of the search's λ to other texture sizes; with more samples, λ is smaller."""
         drawn = len(self.materials) * self.settings.search_samples
         fewer = min(1.0, drawn / self.full.samples) if drawn > 0 else 1.0
         return SmoothingFor(self.sizes.coarse, fewer, self.settings.smoothing)

@@ -1,13 +1,13 @@
-"""Separable fits: the BRDF matrix from samples, decomposed, its factors stored as textures.
+"""Separable fits: decompose a BRDF matrix that is made from samples, and store its factors as textures.
 
 `svd` (Kautz and McCool 1999; Wang, Tran and Luebke 2004, 3.2) takes the leading terms in one of the ways of
-`decompositions`; `nmf` (after Lawrence, Rusinkiewicz and Ramamoorthi 2004) takes non-negative ones. The matrix is
-dense and samples are scattered, so every entry is resampled from them (`resampling`) at texel directions; the
-error of that is part of these methods' error, and with noise-free samples of a sharp highlight the larger part of it.
-`separable_of` evaluates a reflectance instead, where there is one. Isotropic measurements need no azimuth
-copies: their resampling does not change with azimuth. In the fits an entry weighs as the projected solid angles of its
-texels. In the papers all weigh alike, and for a BRDF that grows towards the horizon the first terms then hold grazing
-light and nothing else; `separable_of` does either.
+`decompositions`; `nmf` (after Lawrence, Rusinkiewicz and Ramamoorthi 2004) takes non-negative ones. The matrix is dense
+and samples are scattered, so every entry is resampled from them (`resampling`) at texel directions. This resampling
+error is part of these methods' error; for noise-free samples of a sharp highlight, it is the larger part.
+`separable_of` evaluates a reflectance instead of resampling. Isotropic measurements need no azimuth copies: their
+resampling does not change with azimuth. In the fits, the weight of a matrix entry is the product of the projected solid
+angles of its two texels. The papers weight all entries equally; for a BRDF that grows towards the horizon, the first
+terms then represent only grazing light. `separable_of` supports both weights.
 """
 
 import time
@@ -112,9 +112,9 @@ def separable_of(
 ) -> Separable:
     """Return the separable approximation of a reflectance that can be evaluated everywhere, without samples.
 
-    `weighted` is that of `_svd_terms`, `isotropic` saves evaluations (`matrix.brdf_matrix`), `seed` is that of the
-    power iteration. Its transform has the mean of the valid matrix entries as A and ε = 1e-5. Raises BadInput as the
-    parts do.
+    `weighted` weights the matrix entries by the projected solid angles of their texels. `isotropic` saves evaluations
+    (`matrix.brdf_matrix`), and `seed` is the seed of the power iteration. The log transform of the result has A = mean
+    of the valid matrix entries and ε = 1e-5. Raises BadInput for invalid arguments.
     """
     reciprocal = parameterization == "in-out" and decomposition in SYMMETRIC
     matrix = brdf_matrix(
@@ -129,14 +129,14 @@ def separable_of(
 def fit_svd(samples: Samples, settings: Svd, progress: ProgressCallback | None = None) -> MethodFit:
     """Return `settings.textures` terms (one if normalized) on `settings.size`² maps.
 
-    The report's residual is the Cole error of `samples`, its details the shares of cut values at them (`clipped`) and
-    of matrix entries without a value (`filled`). `progress` is never called.
+    The report's residual is the Cole error of `samples`, its details are the share of values that are clamped at zero
+    at these samples (`clipped`) and the share of matrix entries without a value (`filled`). `progress` is never called.
     """
     return with_whole_texels(_fit_by_decomposition(samples, settings), samples, settings)
 
 
 def fit_nmf(samples: Samples, settings: Nmf, progress: ProgressCallback | None = None) -> MethodFit:
-    """Fit like `fit_svd`, with non-negative factors and no clipping. Only the data of an in-out fit are reciprocal."""
+    """Fit like `fit_svd`, with non-negative factors; reciprocity applies only to the matrix, not to the factors."""
     return with_whole_texels(_fit_nonnegative(samples, settings), samples, settings)
 
 

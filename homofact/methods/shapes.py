@@ -1,12 +1,11 @@
-"""How many textures, and texels along each of their axes, a number of bytes is best spent on.
+"""The best number and shapes of textures for a given number of bytes.
 
-A search of mixes gives the best mix of one texture, of two, and so on. Each of them is given textures that share the
-texels evenly, and is judged at that size by cross-validation; one more texture has to earn its fetch. Then, texture by
-texture, the texels are laid out longer along one axis than along the other, and more of them are given to one texture
-than to the rest, as long as the left-out error falls.
+A search of mixes gives the best mix of one texture, of two, and so on. Cross-validation judges each of these mixes with
+textures of equal size; an additional texture must lower the error enough to justify its fetch. Then the aspect ratios
+of the textures and their shares of the texels are changed, one texture at a time, as long as the left-out error falls.
 
-Few samples make the left-out error noisy, and the least of many noisy errors is often not that of the best fit. All
-folds of few samples are therefore left out instead of one, and another texture or layout has to gain more
+Few samples make the left-out error noisy, and the smallest of many noisy errors often does not belong to the best fit.
+With few samples, all folds are therefore used instead of one, and another texture or layout must lower the error more
 (scripts/accuracy/bytes_on_few_samples.py).
 """
 
@@ -33,7 +32,7 @@ _LEAST, _STRETCH = 2, 16.0
 
 
 def texels_in(nbytes: int, channels: int) -> int:
-    """Return texels of float32 that fit into so many bytes. Raises BadInput for fewer than a 2 × 2 texture's."""
+    """Return the float32 texels in this number of bytes. Raises BadInput for fewer than 2 × 2 texels."""
     texels = nbytes // (4 * channels)
     if texels < _LEAST**2:
         raise BadInput(
@@ -44,7 +43,7 @@ def texels_in(nbytes: int, channels: int) -> int:
 
 @dataclass(frozen=True)
 class Layout:
-    """Shares of the texels, and columns over rows, each with one number per texture."""
+    """Each texture's share of the texels, and its aspect ratio (columns divided by rows)."""
 
     shares: tuple[float, ...]
     aspects: tuple[float, ...]
@@ -55,10 +54,10 @@ class Layout:
         return cls((1.0,) * count, (1.0,) * count)
 
     def shapes(self, projections: tuple[Projection, ...], texels: int) -> tuple[Shape, ...]:
-        """Return (rows, columns) of each texture: the largest that together read no more than `texels`.
+        """Return (rows, columns) of each texture: the largest that together store at most `texels`.
 
-        A texture of one row is as long as a square one of its share would be wide; the line that a periodic axis
-        repeats is counted.
+        A texture with one row is as long as the side of a square texture with the same share. The line that a periodic
+        axis repeats is counted.
         """
         low, high = 0.0, float(texels + 1) ** 2
         for _ in range(80):
@@ -91,7 +90,7 @@ class Layout:
 
 
 def stored(projections: tuple[Projection, ...], shapes: tuple[Shape, ...]) -> int:
-    """Return texels that textures of these shapes are stored with: a periodic axis repeats a line."""
+    """Return the number of stored texels for these shapes; a periodic axis repeats a line."""
     total = 0
     for projection, (rows, columns) in zip(projections, shapes, strict=True):
         across, along = (int(axis is Axis.PERIODIC) for axis in projection.axes)
@@ -100,7 +99,7 @@ def stored(projections: tuple[Projection, ...], shapes: tuple[Shape, ...]) -> in
 
 
 class SmoothingFor:
-    """λ of a mix on textures of other shapes than it was found with, and on more samples."""
+    """Converts the λ of a mix to textures of other shapes, and to more samples."""
 
     def __init__(self, coarse: int, fewer: float, given: float | None) -> None:
         """λ was found, unless it was `given`, on textures of `coarse`² and a share `fewer` of the samples."""
@@ -126,7 +125,7 @@ def side_of(shape: Shape) -> float:
 
 @dataclass(frozen=True)
 class SizedMix:
-    """What a number of bytes was spent on: a mix, its shapes, and the left-out error by number of textures."""
+    """The result for a number of bytes: a mix, its shapes, and the left-out error by number of textures."""
 
     mix: Mix
     shapes: tuple[Shape, ...]
@@ -159,11 +158,12 @@ def best_within(
     budget: FitBudget,
     measured: int,
 ) -> SizedMix:
-    """Return the mix and the shapes that leave the least error on left-out folds of each partition.
+    """Return the mix and the shapes with the smallest error on left-out folds of each partition.
 
     `mixes` have one texture, two, and so on; each material has `measured` samples, copies not counted. No layout is
-    tried once the budget is spent. Of more texels than dense systems have, layouts are judged with as many as these
-    have. Raises BadInput where not even a 2 × 2 texture for each texture of the smallest mix fits.
+    tried once the budget is spent. If `texels` is too large for dense systems, layouts are judged with the largest
+    number that dense systems allow. Raises BadInput where not even a 2 × 2 texture for each texture of the smallest mix
+    fits.
     """
     judge = _Judge(materials, smoothing_for, budget, measured < _FEW)
     granted, texels = texels, min(texels, MOST_DENSE)

@@ -70,7 +70,7 @@ def kept_note(kept: int, textures: int) -> str:
 
 
 class StructureSearch:
-    """One run over coarse samples; make one, call `run` once."""
+    """One search over coarse samples; create a new object for each call of `run`."""
 
     def __init__(
         self,
@@ -97,9 +97,9 @@ class StructureSearch:
         self._known = False
 
     def run(self, textures: int, candidates: tuple[tuple[str, ...], ...]) -> SearchOutcome:
-        """Choose up to `textures` textures, of the kinds in candidates[j] for texture j (its last entry from there on).
+        """Choose up to `textures` textures; texture j has a kind in candidates[j], or in the last entry.
 
-        Where a kind is given texture by texture, or only one, all textures are used.
+        If each texture has only one candidate kind, the search uses all textures.
         """
         pinned = all(len(kinds) == 1 for kinds in candidates)
         notes = self._notes

@@ -52,12 +52,12 @@ class Svd(Method):
 
     @property
     def symmetric(self) -> bool:
-        """Whether the matrix is: in-out, with reciprocity enforced."""
+        """Whether the matrix is symmetric: in-out coordinates with reciprocity enforced."""
         return self.coordinates == "in-out" and self.reciprocal
 
     @property
     def chosen_decomposition(self) -> str:
-        """The decomposition that is taken."""
+        """The decomposition that the fit uses."""
         if self.decomposition is None:
             return "eigen" if self.symmetric else "svd"
         return self.decomposition

@@ -47,7 +47,7 @@ def settings_of_class(method: type[Method]) -> tuple[str, ...]:
 
 
 def methods_with(setting: str) -> tuple[str, ...]:
-    """Return the names of the methods that have a setting, or take it as their size, as McCool and others do bytes."""
+    """Return the names of the methods with a setting; for "bytes", also those that convert it to a size."""
     return tuple(
         name
         for name, method in ALL_METHODS.items()
@@ -56,9 +56,9 @@ def methods_with(setting: str) -> tuple[str, ...]:
 
 
 def parsed_label(label: str) -> tuple[str, dict[str, Any]]:
-    """A label's method and the setting behind its colon: `mccool:wi+h`, `ggx:2` lobes, `svd:half-diff` coordinates.
+    """A label's method and the setting after its colon: `mccool:wi+h`, `ggx:2` lobes, `svd:half-diff` coordinates.
 
-    Raises BadInput for an unknown method, and for what is behind the colon of another one, or nothing.
+    Raises BadInput for an unknown method, and if the text after the colon is empty or does not suit the method.
     """
     name, colon, listed = label.partition(":")
     own = settings_of_class(method_class(name))
@@ -81,7 +81,7 @@ def parsed_label(label: str) -> tuple[str, dict[str, Any]]:
 
 
 def made(label: str, settings: Mapping[str, Any]) -> Method:
-    """Return the method of a label with these settings, all of them its own. Raises BadInput for any that is not."""
+    """Return the method of a label with these settings. Raises BadInput for a setting that it does not have."""
     name, _ = parsed_label(label)
     _refuse_strangers(settings, [name])
     return _built(label, settings)
@@ -101,10 +101,10 @@ def made_each(labels: Iterable[str], settings: Mapping[str, Any]) -> dict[str, M
 
 
 def with_bytes(method: Method, count: int) -> Method | None:
-    """Return the method with so many bytes of textures to spend, None for one that cannot be given any.
+    """Return the method with `count` bytes for its textures, or None for a method without such a limit.
 
-    A search spends them itself; the textures of McCool's and Cole's methods and of decompositions get the largest size
-    within them. Raises BadInput where they are too few.
+    A search distributes the bytes itself. McCool's and Cole's methods and the decompositions get the largest texture
+    size within the bytes. Raises BadInput for too few bytes.
     """
     if isinstance(method, Search):
         return replace(method, bytes=count)
@@ -118,10 +118,11 @@ def with_bytes(method: Method, count: int) -> Method | None:
 
 
 def bytes_to_fill(method: Method) -> int | None:
-    """Return the bytes that a method may fill with its textures: those given, or those of their number and size.
+    """Return the bytes that a method's textures may use: the given bytes, or those of their number and size.
 
-    McCool's and Cole's take the shape within their size that fits the source best, so their fits differ by some texels;
-    a search keeps as many textures as lower the validation error. None for any other method without bytes.
+    McCool's and Cole's methods choose the shape within their size that fits the source best, so their fits differ by
+    some texels. A search keeps only the textures that lower the validation error. Returns None for any other method
+    without bytes.
     """
     if isinstance(method, McCool | Cole) or (isinstance(method, Search) and method.bytes is None):
         return _RGB_TEXEL * method.most_textures * method.size**2
@@ -134,9 +135,9 @@ def _size_within(count: int, method: Method) -> int:
 
 
 def mccool_like(method: Method) -> McCool:
-    """Return McCool's own factorization with the settings that `method` shares with it, to be set beside it.
+    """Return McCool's own factorization with the settings that it shares with `method`, for comparison.
 
-    It has as many bytes as a method that was given bytes, and textures of 2 x 2 texels at least.
+    If `method` has a limit of bytes, McCool's factorization gets the same limit, but at least textures of 2 x 2 texels.
     """
     shared: dict[str, Any] = {
         name: value for name, value in _own(McCool.name, vars(method)).items() if value is not None

@@ -15,8 +15,8 @@ LOOKS = 4  # starts that are looked at for every one that may descend
 def tournament(trials: Trials, starts: list[Mix], until: float) -> list[Mix]:
     """Return the best few of `starts`, best first: all descend a few steps, the better half some more, and so on.
 
-    As many of the starts take part as can be paid for with `until` units spent in all, at least `_LEAST_PLACES`;
-    descents are compared with one λ for all.
+    The number of starts is limited so that the total work stays within `until` units, but at least `_LEAST_PLACES`
+    descend. All descents use the same λ.
     """
     if not starts:
         return []

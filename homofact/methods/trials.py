@@ -1,6 +1,6 @@
-"""How a mix of textures is tried: judged by cross-validation, looked at where it stands, moved downhill.
+"""Trials of a mix of textures: cross-validation, evaluation at the current projections, and descent.
 
-Work is paid from a `FitBudget`; what an equal budget buys is equal.
+A `FitBudget` limits the work; equal budgets give equal results.
 """
 
 import time
@@ -30,9 +30,10 @@ _POLISH = 40  # iterations of the winner's last descent
 class StructureSettings:
     """Texels along an axis, reciprocity and bound of every trial; random starts of searched kinds; λ where given.
 
-    With `reciprocal` None trials are reciprocal until mixes meet the data better by `FREE_WORTH` without. `known` mixes
-    are tried first, the best few of them (`descending`) moved, and every mix only where there are none. `every_level`
-    asks for the best mix of each number of textures, not of the last one alone.
+    If `reciprocal` is None, trials are reciprocal until non-reciprocal mixes reduce the error below the share
+    `FREE_WORTH`. If there are `known` mixes, only these are tried, and the best few (`descending`) are refined;
+    otherwise every mix is tried. `every_level` requests the best mix for each number of textures, not only for the last
+    one.
     """
 
     size: int
@@ -48,20 +49,20 @@ class StructureSettings:
 
 
 class Trials:
-    """What mixes are tried on, and the budget that pays for it."""
+    """The data for trying mixes, and the budget for this work."""
 
     def __init__(self, materials: Materials, settings: StructureSettings, budget: FitBudget) -> None:
         """Nothing is tried yet."""
         self.materials, self.settings, self.budget = materials, settings, budget
 
     def cost(self, mix: Mix, share: float = 1.0) -> float:
-        """Return units of one evaluation of a mix with textures of a share of the search's size."""
+        """Return units of one evaluation of a mix, with textures of `share` times the search's size."""
         texels = sum(rows * columns for rows, columns in self.shapes(mix.projections, share))
         lookups = sum(projection.lookups for projection in mix.projections)
         return self.materials.cost(lookups, texels)
 
     def beside(self, function: Callable, pieces: list) -> list:
-        """Return the function's results of all pieces, their budgets added; on threads where the search allows it."""
+        """Apply the function to all pieces, in parallel if the search allows it, and add up their budgets."""
         run = in_parallel if self.settings.search.independent else (lambda apply, all: [apply(one) for one in all])
         results = run(function, pieces)
         for _, budget in results:
@@ -69,14 +70,14 @@ class Trials:
         return [result for result, _ in results]
 
     def shapes(self, projections: tuple[Projection, ...], share: float = 1.0) -> tuple[tuple[int, int], ...]:
-        """Return (rows, columns) of the textures of projections, of a share of the search's size."""
+        """Return (rows, columns) of the projections' textures, at `share` times the search's size."""
         size = max(2, round(share * self.settings.size))
         return tuple(texture_shape(projection, size) for projection in projections)
 
     def smoothed(
         self, folded: Judging, start: tuple[float, ...], budget: FitBudget, separately: bool
     ) -> tuple[tuple[float, ...], float]:
-        """(λ of every texture, error): the given λ, or the best for all alike, or from there for each, `separately`."""
+        """Return (λ of every texture, error): the given λ, the best common λ, or (`separately`) the best of each."""
         if self.settings.smoothing is not None:
             return self.judged(folded, (self.settings.smoothing,) * len(start), budget)
         # λ is found on one fold of each partition, the mix is judged by all of them.
@@ -88,14 +89,14 @@ class Trials:
     def judged(
         self, folded: Judging, smoothing: tuple[float, ...], budget: FitBudget, folds: int | None = None
     ) -> tuple[tuple[float, ...], float]:
-        """Return (the given λ of every texture, error) with so many folds of each partition left out, or all."""
+        """Return (the given λ of every texture, the error on `folds` left-out folds of each partition, or on all)."""
         budget.spend(folded.solves(folds) * cost_of_solve(folded.unknowns))
         return smoothing, folded.error(smoothing, folds)
 
     def polished(self, mix: Mix, alike: bool = True) -> tuple[Mix, FitBudget]:
-        """Return the mix with λ texture by texture, after a longer descent with these; judged there.
+        """Return (the mix with its best λ for each texture, after a longer descent with these λ, budget).
 
-        λ is found from one for all textures, unless `alike` is False, from the mix's own.
+        The search for λ starts from one λ for all textures, or from the mix's own if `alike` is False.
         """
         budget = self.budget.beside()
         folded = self.folded(mix, budget)
@@ -110,9 +111,9 @@ class Trials:
         return min(mix, replace(moved, error=error), key=lambda candidate: candidate.error), budget
 
     def descended(self, mix: Mix, scale: float | None, steps: int, share: float) -> tuple[tuple[float, Mix], FitBudget]:
-        """Return ((R, the mix there), budget): its searched projections moved together, with one λ or (None) its own.
+        """Move all projections together, with λ `scale` or (None) the mix's; return ((R, new mix), budget).
 
-        The textures have a `share` of the search's size.
+        The textures have `share` times the search's size. R is the reduced objective.
         """
         budget = self.budget.beside()
         smoothing = mix.smoothing if scale is None else (scale,) * len(mix.kinds)
@@ -129,7 +130,7 @@ class Trials:
         return (report.residual, replace(mix, projections=objective.projections(rounded(vector)))), budget
 
     def looked(self, mix: Mix, scale: float) -> tuple[float, FitBudget]:
-        """Return (R, budget) where the mix stands."""
+        """Return (R, budget), with the reduced objective R at the mix's current projections."""
         budget = self.budget.beside()
         shapes = self.shapes(mix.projections, DESCENTS)
         smoothing = (scale,) * len(mix.kinds)
@@ -138,7 +139,7 @@ class Trials:
         return objective.error(objective.start()), budget
 
     def judge(self, mix: Mix, scale: float | None) -> tuple[Mix, FitBudget]:
-        """The mix with the best λ for all textures alike, found from `scale`, or (None) with its own scaled alike."""
+        """Return (the mix with the best common λ, searched from `scale`, or with its own λ scaled (None), budget)."""
         budget = self.budget.beside()
         folded = self.folded(mix, budget)
         start = mix.smoothing if scale is None else (scale,) * len(mix.kinds)
@@ -146,7 +147,7 @@ class Trials:
         return replace(mix, smoothing=smoothing, error=error), budget
 
     def glanced(self, mix: Mix, share: float = DESCENTS) -> tuple[Mix, FitBudget]:
-        """As `judge` from its own λ, on textures of a `share` of the search's size with one fold left out alone."""
+        """Judge a mix from its own λ, as `judge`, at `share` times the search's size with only one fold left out."""
         budget = self.budget.beside()
         budget.spend(self.cost(mix, share))
         folded = self.materials.folded(mix.projections, self.shapes(mix.projections, share), 1)
@@ -164,10 +165,10 @@ class Trials:
 
 
 def aside(vector: Tensor) -> Tensor:
-    """Return the vector (V,) a little beside, always in the same direction.
+    """Return the vector (V,) with a small offset, which is always the same.
 
-    On a fixed projection symmetry makes slopes zero. What is left of them is rounding, which differs between machines,
-    and a descent that starts there would grow it.
+    At a fixed projection, symmetry makes the gradient zero up to rounding errors, which differ between machines. A
+    descent that starts there would amplify them.
     """
     return vector + ASIDE * torch.sin(1 + torch.arange(len(vector), dtype=vector.dtype, device=vector.device))
 
@@ -175,8 +176,8 @@ def aside(vector: Tensor) -> Tensor:
 def rounded(vector: Tensor) -> Tensor:
     """Quaternions (V,) of unit length on a grid of 2⁻¹⁴.
 
-    Rounding differs between processors in the last bits, and a descent magnifies that. Cut off after every descent, it
-    does not grow from one to the next, so that other machines end in the same projections.
+    Rounding errors in the last bits differ between processors, and a descent amplifies them. Rounding the result of
+    every descent removes them, so that all machines end in the same projections.
     """
     quaternions = vector.reshape(-1, 4)
     return torch.round(quaternions / quaternions.norm(dim=1, keepdim=True) * 2**14).reshape(-1) / 2**14

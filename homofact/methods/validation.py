@@ -1,12 +1,12 @@
-"""What is left out to judge a fit by: folds of samples, drawn at random or by the rings of a goniometer.
+"""Folds of samples for cross-validation, drawn at random or by the rings of a goniometer.
 
-Copies of one measurement at other azimuths belong into one fold, or the left-out fold is known from its copies.
+Azimuth copies of one measurement must be in the same fold. Otherwise the fit would see copies of the left-out samples.
 
 A goniometer measures on rings: few incident angles, few exitant ones, many azimuths, and each ring has
-faults of its own. Left-out samples of such a set always have neighbours on their own rings, so random folds
-reward a fit that knows every ring and nothing between them; on a sphere that shows as bands. So a gridded
-set is judged by leaving out whole rings, of θi and of θo by halves; the outermost stay, since beyond them is
-extrapolation. Random folds are for samples that lie on no rings, or where they are asked for.
+faults of its own. With random folds, left-out samples always have neighbours on their own rings. Random folds therefore
+favour a fit that is accurate on the rings but not between them, which shows as bands on a sphere. For such data, whole
+rings are left out instead; rings of θi and rings of θo each count for half of the error. The outermost rings are never
+left out, since beyond them is extrapolation. Random folds are for samples that do not lie on rings, or on request.
 """
 
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ def random_folds(count: int, folds: int, seed: int) -> Tensor:
 
 @dataclass(frozen=True)
 class Partition:
-    """A partition of samples into folds (N,) int64, below 0 where never left out, and its share of the judgement."""
+    """A partition of samples: fold numbers (N,) int64, negative if never left out, and its share of the error."""
 
     folds: Tensor
     share: float
@@ -50,7 +50,7 @@ class Partition:
 
 
 def partitions_of(samples: Samples, folds: int, seed: int, *, rings: bool) -> tuple[Partition, ...]:
-    """How to judge a fit of `samples`: by left-out rings where they lie on rings and `rings` is set, else at random."""
+    """Return the partitions of `samples`: by rings if `rings` is set and they lie on rings, else at random."""
     folds_by_ring = [_rings(direction) for direction in (samples.wi, samples.wo)] if rings else []
     folds_by_ring = [ring for ring in folds_by_ring if ring is not None]
     if not folds_by_ring:

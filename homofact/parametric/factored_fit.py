@@ -1,9 +1,10 @@
-"""The tables of `brdf.factored` solved from samples.
+"""Fit the tables of `brdf.factored` to samples.
 
-Bagher, Snyder and Nowrouzezahrai (2016) minimise by alternating least squares; here all tables descend together, by
-L-BFGS on their logarithms (so that all are positive) and on the root of the diffuse part. The sum of squares is that of
-`nonlinear`, with the squared second differences of each table beside it, which fill bins without samples. Two constants
-may move between tables without changing a value; the tables start even and nothing drives them apart.
+Bagher, Snyder and Nowrouzezahrai (2016) minimise by alternating least squares. Here, L-BFGS optimizes all tables
+together: their logarithms, so that all values are positive, and the square root of the diffuse part. The objective is
+the sum of squares of `nonlinear`, plus the squared second differences of each table, which fill bins without samples.
+Two constants can move between the tables without changing the BRDF. They keep their initial values, because the
+gradient does not act on them.
 """
 
 import torch
@@ -20,7 +21,7 @@ SMOOTHING = 1e-5
 
 
 def fit_factored(samples: Samples, seed: int) -> tuple[FactoredBrdf, Report]:
-    """Return the tables of one material, a channel each."""
+    """Return the tables of one material, with one column per channel, and the report."""
     data = CubeRoots.of(samples, seed, MOST_SAMPLES)
     channels = len(samples.channels)
     wi, wo = data.samples.wi, data.samples.wo

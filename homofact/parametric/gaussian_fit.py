@@ -1,6 +1,7 @@
 """Spherical Gaussians over a diffuse base, fitted to samples (`brdf.analytic.nonlinear`).
 
-Parameters are free numbers: colours are squares of them, λ exponentials, F0 a logistic function.
+The optimized parameters are unbounded numbers: colours are their squares, λ their exponentials, and F0 a logistic
+function.
 """
 
 import math
@@ -16,7 +17,7 @@ from homofact.errors import Report
 
 
 def fit_gaussians(samples: Samples, lobes: int, seed: int) -> tuple[SphericalGaussians, Report]:
-    """Fit a diffuse base and `lobes` spherical Gaussians; a half width of w means λ = log 2/(1 − cos w)."""
+    """Fit a diffuse base and `lobes` spherical Gaussians, which start at half widths w with λ = log 2/(1 − cos w)."""
     channels = len(samples.channels)
 
     def model(x: Tensor, wi: Tensor, wo: Tensor) -> Tensor:

@@ -1,7 +1,7 @@
 """A fitted model that has no textures: parameters, tables of one dimension, or a network's weights.
 
-It is evaluated, measured and saved like any other fit, so you can compare it with fits that have textures. Shaders are
-made of GGX models (`shading.ggx_statements`); functions that need textures reject every model.
+It is evaluated, measured and saved like any other fit, so you can compare it with fits that have textures. Shaders
+exist only for GGX models (`shading.ggx_statements`); functions that need textures reject every model.
 """
 
 import os
@@ -66,17 +66,17 @@ class ModelFit:
 
     @property
     def terms(self) -> tuple[()]:
-        """None: a model is no product of textures."""
+        """An empty tuple: a model is not a product of textures."""
         return ()
 
     @property
     def textures(self) -> tuple[Texture, ...]:
-        """None."""
+        """An empty tuple: a model has no textures."""
         return ()
 
     @property
     def evaluation(self) -> None:
-        """None: what is made from textures cannot be made from a model."""
+        """None, because a model has no textures."""
         return None
 
     def with_textures(
@@ -85,7 +85,7 @@ class ModelFit:
         grids: Sequence[QuantizationGrid | None] | None = None,
         facts: Mapping[str, Any] | None = None,
     ) -> "ModelFit":
-        """Return the fit, which has none. Raises BadInput for any texels."""
+        """Return the fit unchanged. Raises BadInput if any texels are given."""
         if texels:
             refuse_model(self)
         return self
@@ -120,7 +120,7 @@ class ModelFit:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> "ModelFit":
-        """Read what `save` wrote. Raises BadInput for a file that is none, is damaged, or is from a newer version."""
+        """Read a file that `save` wrote. Raises BadInput if it is no such file, damaged, or from a newer version."""
         saved = SavedFit.read(path, FORMAT, FORMAT_VERSION)
         fields = saved.fields
         channels, transform = channels_and_transform(saved)

@@ -1,11 +1,11 @@
 """The NBRDF network (`brdf.neural`) trained on samples, as Sztrajman, Rainer, Ritschel and Weyrich (2021) train it.
 
 Adam on batches of 512 pairs; the loss is the mean absolute difference of log(1 + f cosθi) (their section 3.2). Instead
-of their 100 epochs of 800,000 pairs the steps are counted, and the rate falls to nothing along a cosine.
+of their 100 epochs of 800,000 pairs, the number of steps is given, and the learning rate falls to 0 along a cosine.
 
-The network's last step cuts at zero, where nothing is learnt any more: of a glossy metal 70% of the values stayed zero
-for good. So in training exp(y) − 1 and log(1 + x) go on below zero along their tangents, x itself, by which what is
-negative is an error like any other.
+The network's last step clamps values at zero, where the gradient vanishes: for a glossy metal, 70% of the values stayed
+zero. Training therefore extends exp(y) − 1 and log(1 + x) below zero by their tangents, y and x. Negative values then
+count as errors like any others.
 """
 
 from collections.abc import Callable
@@ -21,16 +21,16 @@ Loss = Callable[[Tensor, Tensor, Tensor, Tensor], Tensor]
 
 
 def published_loss(values: Tensor, y: Tensor, expected: Tensor, cosine: Tensor) -> Tensor:
-    """Mean |log(1 + f̂ cosθi) − log(1 + f cosθi)| of values, samples (N, C) and cosines (N, 1); below zero as above."""
+    """Mean |log(1 + f̂ cosθi) − log(1 + f cosθi)| of values, samples (N, C), cosines (N, 1); linear below zero."""
     found = values * cosine
     found = torch.where(found > 0, torch.log1p(found.clamp_min(0)), found)
     return (found - torch.log1p(expected * cosine)).abs().mean()
 
 
 def train(samples: Samples, steps: int, seed: int = 0, loss: Loss = published_loss) -> NeuralBrdf:
-    """Return a network trained on samples of three channels by so many steps.
+    """Return a network that is trained for `steps` steps on samples of three channels.
 
-    `loss` gets values that are not cut at zero, what the last layer gave, y, the samples' values and cosθi.
+    `loss` is called with the values before clamping, the output y of the last layer, the samples' values, and cosθi.
     """
     generator = torch.Generator().manual_seed(seed)
     parameters: list[Tensor] = []

@@ -1,8 +1,8 @@
 """Finished blocks of an object's transport in a folder, from which an interrupted run resumes.
 
-A block has the vectors of `BLOCK` vertices and is written whole or not at all. The folder carries the fingerprint of
-everything that decides about the blocks, so that those of another scene are refused. Finished blocks are joined in a
-file for each of `LONG`, which is memory-mapped.
+A block has the vectors of `BLOCK` vertices and is written whole or not at all. The folder stores a fingerprint of all
+inputs of the blocks, so that homofact rejects the blocks of another scene. Finished blocks are joined into one
+memory-mapped file for each array of `LONG`.
 """
 
 from pathlib import Path
@@ -22,7 +22,7 @@ _EXPECTED = "a block of transport that homofact wrote"
 
 
 def blocks_folder(folder: Path) -> Path:
-    """The folder for finished blocks of an object, made if it is missing. Raises BadInput for a file."""
+    """Return the folder for an object's finished blocks, created if missing. Raises BadInput if it is a file."""
     if folder.exists() and not folder.is_dir():
         raise BadInput(where=folder, found="a file", expected="a folder for blocks of transport")
     folder.mkdir(parents=True, exist_ok=True)
@@ -30,7 +30,7 @@ def blocks_folder(folder: Path) -> Path:
 
 
 def claim(folder: Path, fingerprint: str, name: str) -> None:
-    """Mark the folder as this precomputation's, or find that it is. Raises BadInput."""
+    """Mark the folder as this precomputation's. Raises BadInput if it contains the blocks of another one."""
     mark = folder / "fingerprint.npz"
     if mark.exists():
         found = read_arrays(mark, read_bytes(mark, _EXPECTED), ("digest", "mesh"), _EXPECTED)
@@ -44,7 +44,7 @@ def claim(folder: Path, fingerprint: str, name: str) -> None:
 
 
 def read_block(file: Path, terms: int, vertices: int) -> dict[str, np.ndarray] | None:
-    """A finished block, None where it is not there. Raises BadInput for a damaged one."""
+    """Return a finished block, or None if its file does not exist. Raises BadInput for a damaged block."""
     if not file.exists():
         return None
     found = read_arrays(file, read_bytes(file, _EXPECTED), PARTS, _EXPECTED)
@@ -63,7 +63,7 @@ def block_file(folder: Path, first: int) -> Path:
 
 
 def joined_blocks(folder: Path, places: list[int], entries: int) -> list[np.ndarray]:
-    """`LONG` of all blocks, one after the other in a file each, mapped: pages are read as they are asked for."""
+    """Return the arrays of `LONG`, each joined over all blocks in one memory-mapped file."""
     found = []
     for name, kind in LONG.items():
         file = folder / f"{name}.bin"

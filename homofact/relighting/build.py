@@ -1,4 +1,4 @@
-"""From a scene's file to relit objects: placed and opened, materials factored, transport precomputed."""
+"""Build relit objects from a scene's file: place them, factor their materials and precompute transport."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -45,10 +45,10 @@ _CLUSTERED = 8
 
 @dataclass(frozen=True)
 class TransportChoice:
-    """How an object's transport will be made: its material's factors and lobe, and what is kept.
+    """The inputs of an object's transport: its material's factors and lobe, and the settings for storage.
 
-    `plan` says why, where the scene has a tolerance; `sun_tables` are those of the material where there are suns or
-    lamps.
+    `plan` records the planner's choice if the scene has a tolerance. `sun_tables` are the tables of the material for
+    suns and lamps, if the scene has any.
     """
 
     material: FactoredMaterial
@@ -58,7 +58,7 @@ class TransportChoice:
 
     @property
     def table_bytes(self) -> int:
-        """Of the view maps and the tables of the lobe and of suns."""
+        """Return the bytes of the view maps and of the tables of the lobe and of suns."""
         lobe = () if self.material.lobe is None else (self.material.lobe,)
         return self.material.factors.view.nbytes + sum(table.nbytes for table in (*lobe, *self.sun_tables))
 
@@ -85,7 +85,7 @@ class RelitObject:
 
     @property
     def form(self) -> str:
-        """How its transport is held: for tables."""
+        """Return the form in which the transport is stored, in words for tables."""
         held = "all frequencies" if self.compact is None else "all frequencies, clustered"
         if isinstance(self.compact, Harmonic):
             held = f"harmonics to order {self.compact.order}"
@@ -93,14 +93,14 @@ class RelitObject:
 
     @property
     def nbytes(self) -> int:
-        """What relighting reads: the compact form where there is one, the view maps, what a lobe and suns need."""
+        """Return the bytes that relighting reads: transport, view maps, and data of lobe, lights and textures."""
         stored = self.transport.nbytes if self.compact is None else self.compact.nbytes
         parts = (self.lobe, self.sunlight, self.tint, self.bumps, self.tilted)
         beside = sum(each.nbytes for each in parts if each is not None)
         return stored + self.transport.factors.view.nbytes + beside
 
     def lit(self, light: np.ndarray, suns: bool = True, lamps: bool = True) -> LitObject:
-        """The object under a cube map of radiance, its suns and its lamps, by the form that is used."""
+        """Return the object lit by a cube map of radiance, suns and lamps, from its compact form if it has one."""
         lit = None if self.sunlight is None else self.sunlight.only(suns, lamps)
         return LitObject.of(
             self.transport, self.compact, self.lobe, light, lit, self.tint, self.bumps, self.tilted
@@ -111,8 +111,8 @@ class RelitObject:
 class RelightScene:
     """A scene ready for transport: objects in their places, and how the transport of each is made.
 
-    `occluder` holds all meshes in this order; `notes` say what was found on the way, a line each. `bounces` are the
-    colours of the light between surfaces, where the scene asks for it.
+    `occluder` holds all meshes in this order; `notes` has one line per remark on the scene. `bounces` has the colours
+    of the interreflected light if the scene enables it.
     """
 
     file: RelightSceneFile
@@ -129,7 +129,7 @@ class RelightScene:
 
     @property
     def cost(self) -> TransportCost:
-        """What all of its transport will take, at most, with its blocks on disk; memory that of the meshes too."""
+        """Return upper bounds for all transport, with blocks on disk; the memory includes the meshes."""
         costs = [
             cost(len(placed.mesh.positions), choice.material.factors.terms, choice.settings, on_disk=True)
             for placed, choice in zip(self.objects, self.choices, strict=True)
@@ -161,7 +161,7 @@ def open_relight_scene(
 ) -> RelightScene:
     """Read the scene and place its objects; `fits` has the fits that replace files of measurements.
 
-    `stage` is called with what begins, and where they are known with the seconds that it is expected to take.
+    `stage` is called at the start of each step with a description and, if known, the expected seconds.
 
     Raises BadInput if a file cannot be read or has more than three channels, and for a lamp that touches an object.
     """

@@ -1,14 +1,15 @@
 """Clustered principal components of transport: the compact form (Sloan, Hall, Hart and Snyder 2003; Liu et al. 2004).
 
-Vertices are divided into clusters; in each, a vertex's transport, all K terms together, is the cluster's mean plus a
-few components times the vertex's weights. Only the means and components are multiplied with the light, and each vertex
-then mixes the results: T_v L ≈ M_c L + Σ_i w_vi P_ci L. The stored data are C (n + 1) sparse vectors of means and
-components, and n numbers per vertex.
+Vertices are divided into clusters. The transport of a vertex (all K terms together) is the mean of its cluster plus a
+few components, multiplied by the weights of the vertex. Only the means and components are multiplied by the light. Each
+vertex then combines the results: T_v L ≈ M_c L + Σ_i w_vi P_ci L. The stored data are C (n + 1) sparse vectors of means
+and components, and n numbers per vertex.
 
-Distances between transports are taken in a sketch, their products with random vectors of ±1 (Johnson and Lindenstrauss
-1984: V × 98,304 numbers become V × 128, scalar products kept within a few percent); clusters by k-means, then a few
-rounds in which every vertex moves to the cluster whose components hold it best, as Sloan et al. do. Components are then
-those of the vectors themselves: eigenvectors of the Gram matrix of a cluster's sparse rows.
+Distances between transports are measured on a sketch: the products of the transports with random vectors of ±1 (Johnson
+and Lindenstrauss 1984). This reduces V × 98,304 numbers to V × 128 and preserves scalar products within a few percent.
+k-means makes the first clusters. In a few further rounds every vertex moves to the cluster whose components approximate
+it best, as Sloan et al. do. The final components come from the full vectors: they are eigenvectors of the Gram matrix
+of a cluster's sparse rows.
 """
 
 import warnings
@@ -34,9 +35,9 @@ _MOST = 32767
 class Clustered:
     """Transport as means and components.
 
-    `basis` holds C·(n + 1) "vertices" of K terms each: those of cluster c from c (n + 1) on, its mean first. `cluster`
-    (V,) uint16 and `weights` (V, n) int16 times `steps` (C, n) give the mix of each vertex. `positions`, `frames` and
-    `factors` are the object's.
+    `basis` contains the means and components like C·(n + 1) vertices with K terms each. Those of cluster c start at
+    index c (n + 1), and the mean comes first. `cluster` (V,) uint16 and `weights` (V, n) int16 times `steps` (C, n)
+    give the mix of each vertex. `positions`, `frames` and `factors` are the object's.
     """
 
     positions: np.ndarray
@@ -54,7 +55,7 @@ class Clustered:
 
     @property
     def nbytes(self) -> int:
-        """The basis, a cluster's number and weights a vertex."""
+        """Return the bytes of the basis, and of each vertex's cluster number and weights."""
         return self.basis.nbytes + self.cluster.nbytes + self.weights.nbytes + self.steps.nbytes
 
     def mixed(self, lit: np.ndarray) -> np.ndarray:
@@ -76,10 +77,10 @@ def clustered(
     clusters: int | None = None,
     seed: int = 0,
 ) -> Clustered:
-    """The compact form of a transport; as many clusters as give each about 128 vertices unless told.
+    """Return the compact form of a transport, by default with about 128 vertices per cluster.
 
-    `kept` coefficients of each mean and component of a term. Raises BadInput for numbers below 1 and more clusters or
-    components than vertices.
+    `kept` is the number of coefficients per term that each mean and component stores. Raises BadInput for numbers below
+    1 and for more clusters or components than vertices.
     """
     count = -(-transport.vertices // _A_CLUSTER) if clusters is None else clusters
     for what, value, most in (

@@ -7,10 +7,10 @@ sees all of it, E = π L sin² α, falls off with the square of the distance, at
 Directions are spread over the cone with equal solid angles: cosβ falls evenly from 1 to cosα. The integral of L over
 the cone is the flux Φ = L Ω = 2E/(1 + cosα), of which each of N directions carries Φ/N.
 
-A lobe much narrower than the cone would fall between such directions. Then most directions follow the lobe about the
-mirror direction m instead (`lobe_directions`): with its width w their density falls like 1/(1 + β²/w²)² of the angle β
-from m, up to `_REACH` widths, and those outside the cone count nothing. Beyond that reach a few directions of the cone
-have the rest.
+A lobe much narrower than the cone would fall between such directions. In this case most directions sample the lobe of
+width w about the mirror direction m instead (`lobe_directions`). Their density is proportional to 1/(1 + β²/w²)², where
+β ≤ `_REACH` · w is the angle from m. Directions outside the cone get the weight 0. A few directions over the cone cover
+what lies beyond that reach.
 """
 
 import math
@@ -44,7 +44,7 @@ class LightCones:
         return self.irradiance * (2 / (1 + np.cos(self.radius)))[:, None]
 
     def only(self, which: np.ndarray) -> "LightCones":
-        """Those of the points `which`."""
+        """Return the cones of the points `which`."""
         middle, radius, irradiance = self.middle[which], self.radius[which], self.irradiance[which]
         return LightCones(middle, radius, irradiance, self.distance[which], self.size)
 
@@ -62,7 +62,8 @@ class LightCones:
     ) -> tuple[np.ndarray, np.ndarray]:
         """(unit directions (S, N, 3), the part (S, N) of the irradiance that each carries): N is `count` + `few`.
 
-        `count` follow a lobe of a width in radians about `mirror` (S, 3), `few` are spread over the cone.
+        `count` directions cover a lobe of `width` radians about `mirror` (S, 3), and `few` directions are spread over
+        the cone.
         """
         reach = min(_REACH * width, _WIDEST)
         whole = reach**2 / (width**2 + reach**2)
@@ -101,9 +102,9 @@ class RoundLight(Protocol):
     """A light beside the sky: a sun or a lamp."""
 
     def cones(self, points: np.ndarray) -> LightCones:
-        """How points (S, 3) see it."""
+        """Return the cones that the light fills as seen from points (S, 3)."""
         ...
 
     def radiance(self) -> np.ndarray:
-        """That of its disc (3,)."""
+        """Return the radiance of its disc (3,)."""
         ...

@@ -1,8 +1,8 @@
-"""The cube map that light and transport are given on: directions, solid angles, an environment's mean in each texel.
+"""The cube map of light and transport: directions, solid angles, and an environment's mean per texel.
 
-Six faces +x, −x, +y, −y, +z, −z of n × n texels, even on the plane at distance 1: texel (i, j) of a face lies at
-a = 2(i + ½)/n − 1 along its first axis, b along its second, and points along axis + a·first + b·second. World frame of
-`rendering.light`: y up. A texel between a₀, a₁ and b₀, b₁ has the solid angle Ω(a₁,b₁) − Ω(a₀,b₁) − Ω(a₁,b₀) +
+Six faces +x, −x, +y, −y, +z, −z of n × n texels, evenly spaced on the plane at distance 1: texel (i, j) of a face lies
+at a = 2(i + ½)/n − 1 along its first axis, b along its second, and points along axis + a·first + b·second. World frame
+of `rendering.light`: y up. A texel between a₀, a₁ and b₀, b₁ has the solid angle Ω(a₁,b₁) − Ω(a₀,b₁) − Ω(a₁,b₀) +
 Ω(a₀,b₀), Ω(a, b) = atan(ab/√(1 + a² + b²)).
 """
 
@@ -67,9 +67,10 @@ def texel_of(w: np.ndarray, size: int) -> np.ndarray:
 def environment_cube(light: EnvironmentMap, size: int) -> np.ndarray:
     """Mean radiance (6, n, n, 3) float64 of an environment map over each texel, its turn included.
 
-    Every texel of the map is divided until a texel of the cube has at least `_FINER` of its rows, and each part given
-    whole to the texel that it points into, so that no small sun is missed. What a texel of the cube got is divided by
-    the solid angle that it got, which leaves constant light constant and a sun right to a few percent.
+    Every texel of the map is divided until a texel of the cube covers at least `_FINER` rows of parts. Each part is
+    assigned to the texel of the cube that contains its direction, so that no small sun is missed. The flux in a texel
+    of the cube is divided by the solid angle of its parts. Constant light therefore stays constant, and the irradiance
+    of a sun is accurate within a few percent.
     """
     rows, columns, channels = light.radiance.shape
     times = max(1, -(-_FINER * 2 * size // rows))

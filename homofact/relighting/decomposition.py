@@ -1,22 +1,23 @@
-"""The terms of a material's in-out factors: singular functions of f, weighted for natural light, drawn as maps.
+"""The terms of a material's in-out factors: singular functions of f, weighted for natural light, stored as maps.
 
-Wang, Tran and Luebke (2004) decompose each channel by itself, (2). Here all channels share the light maps, and a view
-map has one value per channel, so one transport vector per term serves all channels. The best such sum is the singular
-value decomposition of the matrices of the channels side by side, ωi × (ωo, channel). The cosine is not part of f, as in
-Wang. It weights the error: columns by cosθo dωo, the projected area in a picture, and rows by f cosθi times the
-expected light. For white light, every direction by itself, the strongest functions of a sharp lobe are bumps wherever f
-cosθi is largest, and a few of them lose most of its light. Natural light is smooth: its spherical harmonics of order l
-fall in variance, here as 1/(l + 1), between the white of small lamps and the powers of 2 to 2.5 that Dror, Willsky and
-Adelson (2004) find in the logarithms of surroundings. Rows are therefore projected on the harmonics, each times its
-expected amplitude; the strongest functions then are smooth, and what the terms leave out blurs a highlight.
+Wang, Tran and Luebke (2004, equation 2) decompose each channel separately. Here all channels share the light maps, and
+a view map has one value per channel, so one transport vector per term serves all channels. The best such sum is the
+singular value decomposition of the matrices of the channels side by side, ωi × (ωo, channel). The cosine is not part of
+f, as in Wang. It weights the error: columns by cosθo dωo, the projected area in a picture, and rows by f cosθi times
+the expected light. Under white light, whose directions are independent of each other, the strongest functions of a
+sharp lobe are bumps where f cosθi is largest, and a few of them miss most of the lobe's light. Natural light is smooth:
+the variance of its spherical harmonics falls with their order l. The falloff 1/(l + 1) that is assumed here lies
+between the flat spectrum of small lamps and the exponents of 2 to 2.5 that Dror, Willsky and Adelson (2004) find in the
+logarithms of natural illumination. The rows are therefore projected onto the harmonics, each multiplied by its expected
+amplitude. The strongest functions are then smooth, and leaving out the other terms only blurs a highlight.
 
-An isotropic f is decomposed order by order of azimuth, f = Σ_m f_m(θi, θo) exp(im(φo − φi)); a pair of terms of one
-order, cosine and sine, is kept whole or not at all. A lobe may be far narrower than any function that a few terms can
-hold. So f is not sampled on a grid but integrated against such functions (Galerkin): for each θi over nodes that crowd
-towards the mirror direction and towards the light, against the polynomials through `rings` Gauss nodes in θo. What is
-left out then blurs a highlight and keeps its light. Between the nodes g_k and h_k are computed from f by the same
-integrals, g_k(ωi) = ∫ f(ωi, ωo) v_k(ωo) cosθo dωo/σ_k (Nyström). They are stored on parabolic maps, bilinear in
-between, whose rim is the horizon. An anisotropic f is sampled on a grid of nodes.
+An isotropic f is decomposed order by order of azimuth, f = Σ_m f_m(θi, θo) exp(im(φo − φi)); the two terms of one
+order, cosine and sine, are kept or dropped together. A lobe may be far narrower than any function that a few terms can
+represent. So f is not sampled on a grid but integrated against smooth functions (Galerkin): for each θi, against the
+polynomials through `rings` Gauss nodes in θo. The nodes of these integrals are dense near the mirror direction and near
+the direction of the light. The truncated terms then blur a highlight without losing its light. Between the nodes, g_k
+and h_k are computed from f by the same integrals, g_k(ωi) = ∫ f(ωi, ωo) v_k(ωo) cosθo dωo/σ_k (Nyström). They are
+stored on parabolic maps, bilinear in between, whose rim is the horizon. An anisotropic f is sampled on a grid of nodes.
 """
 
 import math
@@ -53,11 +54,11 @@ _RIM = math.cos(math.radians(89.0))
 class WeightedTerms:
     """Singular values in descending order with their data; `sigma` (R,), `multiplicity` (R,) 1 or 2.
 
-    `order` (R,) of azimuth. `right` (R, C, nodes) are the unit singular vectors of the view; `excited` (R, rows) the
-    light that makes each of them, at the nodes of `rows`: σ v(ωo) = ∫ f p(ωi) cosθi dωi. `white` are the singular
-    values for white light, repeated by their multiplicity. `sent` (R, L + 1) is the light that each term reflects if
-    every coefficient of order l has the power 1, and `total` (L + 1,) is the sum over all terms; `power` (L + 1,) is
-    that of the light. Errors are relative to the energy `whole`. Default: the energy of all terms.
+    `order` (R,) of azimuth. `right` (R, C, nodes) are the unit singular vectors of the view; `excited` (R, rows) is the
+    light p that produces each of them, at the nodes of `rows`: σ v(ωo) = ∫ f p(ωi) cosθi dωi. `white` are the singular
+    values for white light, repeated by their multiplicity. `sent` (R, L + 1) is the energy that each term reflects if
+    every coefficient of order l has the power 1, and `total` (L + 1,) is its sum over all terms. `power` (L + 1,) is
+    the power of the light by order. Errors are relative to the energy `whole`. Default: the energy of all terms.
     """
 
     grid: DirectionGrid
@@ -76,21 +77,21 @@ class WeightedTerms:
     whole: float | None = None
 
     def under(self, light: EnvironmentMap | None) -> "WeightedTerms":
-        """The same terms reckoned for this light's powers."""
+        """Return the same terms, with energies under this light."""
         return self if light is None else replace(self, power=light_power(light, len(self.power) - 1))
 
     @property
     def parts(self) -> Tensor:
-        """The energy (R,) of the light that each sends back, pairs together."""
+        """Return the energy (R,) that each term reflects; the two terms of a pair are summed."""
         return (self.sent @ self.power) * self.multiplicity
 
     @property
     def energy(self) -> float:
-        """Of all, those that are not listed too."""
+        """Return the reflected energy of all terms, including those that are not stored."""
         return float(self.total @ self.power)
 
     def chosen(self, terms: int | None, share: float, error: float | None = None) -> list[int]:
-        """Which are kept: as many as the rule asks for; or greedily, a pair only where there is room for both."""
+        """Return the indices of the kept terms: the strongest ones, as many as the rule allows, pairs intact."""
         if error is not None:
             left = self.energy - self.parts.cumsum(0)
             enough = (left <= error**2 * (self.energy if self.whole is None else self.whole)).nonzero()
@@ -108,7 +109,7 @@ class WeightedTerms:
         return picked
 
     def drawn(self, reflectance: Reflectance, picked: list[int], size: int) -> InOutFactors:
-        """The maps of the chosen ones."""
+        """Return the maps of the picked terms."""
         double = self.multiplicity[picked]
         draw = self._rings if self.isotropic else self._texels
         light, view = map(fitted_texels, draw(reflectance, picked, size))
@@ -174,7 +175,7 @@ class WeightedTerms:
 
 
 def decompositions(reflectance: Reflectance) -> list[Callable[[], WeightedTerms]]:
-    """What makes the terms of a reflectance, on grids that become finer."""
+    """Return functions that compute the terms of a reflectance, on finer and finer grids."""
     symmetry = find_symmetry(reflectance)
     split, grids = (_isotropic, _ISOTROPIC_GRIDS) if symmetry.isotropic else (_anisotropic, _ANISOTROPIC_GRIDS)
     return [partial(split, reflectance, DirectionGrid(*each, math.pi / 2), symmetry) for each in grids]

@@ -12,16 +12,16 @@ _MOST = 0.7
 
 
 def error_notes(name: str, found: RelightErrors | None, separate: bool) -> tuple[str, ...]:
-    """A line on an object of this name with these errors, if they can be seen.
+    """Return a warning line about an object if its errors are visible.
 
     Parameters
     ----------
     name : str
-        The object's.
+        Name of the object.
     found : RelightErrors or None
         As measured; None if the camera does not see it.
     separate : bool
-        Whether its sharp lobe is summed separately.
+        Whether the object's sharp lobe is summed separately.
 
     Returns
     -------

@@ -1,30 +1,25 @@
-"""The error of relighting, stage by stage: what each approximation alone does to the light a vertex sends to the eye.
+"""The error of relighting by stage: the error in a vertex's radiance that each approximation causes alone.
 
-The reference is the sum over all texels of a cube map with the reflectance itself, its cosine and the visibility of
-each texel, nothing left out, at the vertices: B = Σ_j L_j f(ω_j, ωo) V_j cosθ_j Δω_j. Errors are relative root mean
-squares over vertices that the eye sees, by the area that they take in its picture, all channels together:
-√(Σ|B̂ − B|²/Σ|B|²).
+The reference at a vertex is the exact sum over all texels of a cube map, with the reflectance itself, the cosine and
+the visibility of each texel: B = Σ_j L_j f(ω_j, ωo) V_j cosθ_j Δω_j. Errors are relative RMS errors over the vertices
+that the eye sees, weighted by their area in the picture, over all channels: √(Σ|B̂ − B|²/Σ|B|²).
 
-    terms         K terms of f, their functions asked of f itself wherever they are needed
-    lobe          the separate lobe, as it is summed, against the sum over every texel
-    suns          the light of suns by tables, against the reflectance itself at 64 directions of each disc
-    bounce        light between surfaces as if they were matt, against that of the reflectances themselves
-    maps          the same terms read from maps of M × M texels
-    normals       with a normal map, instead of `terms` and `maps`: terms under tilted normals against the reflectance
-    cube          the reference on this cube map against one of `FINE` times as many texels along a face
-    truncation    of the wavelets of the transport, all but the kept left out, not rounded
-    quantisation  those that are kept as 16-bit numbers
-    harmonics     low orders of the light instead of wavelets
-    clusters      means and components instead of every vertex's own transport
-    interpolation a picture's points between vertices against the vertices' own light mixed over the triangle
-    together      everything that is in use against the reference
-    rim           the same where cosθo is below `seen.RIM`
-    picture       the same at pixels of the camera, whose light is mixed between vertices: the whole error
+    terms K terms of f on maps of 128 × 128 texels, against f lobe the separate lobe, as it is summed, against the sum
+    over every texel suns the light of suns by tables, against the reflectance at 64 directions of each disc; `lamps`
+    likewise bounce light between surfaces as if they were matt, against that of the reflectances themselves maps the
+    same terms read from maps of M × M texels normals with a normal map, instead of `terms` and `maps`: terms under
+    tilted normals against the reflectance cube the reference on this cube map against one of `FINE` times as many
+    texels along a face truncation only the kept wavelet coefficients of the transport, not rounded quantisation the
+    kept coefficients as 16-bit numbers harmonics low orders of the light instead of wavelets clusters means and
+    components instead of every vertex's own transport interpolation a picture's points between vertices against the
+    vertices' own light mixed over the triangle together all approximations in use against the reference rim the same
+    where cosθo is below `seen.RIM` picture the same at pixels of the camera, whose light is mixed between vertices: the
+    whole error
 
-Where a lobe is separate, the stages of terms, maps, truncation and so on are those of what is left of f, against the
-light of all of f; where there are suns or a bounce, theirs is in this light. The `psnr` in dB is of those pixels as
-8-bit sRGB, tone-mapped as pictures are: under the filmic curve, at the automatic exposure.
-`below zero` is the light that negative residues take away: Σ max(−B̂, 0)/Σ|B̂|.
+If a lobe is separate, the stages terms, maps, truncation and so on measure the rest of f, relative to the light of all
+of f. This light includes that of suns, lamps and a bounce, if there are any. `psnr`, in dB, compares the pixels of
+`picture` as 8-bit sRGB, tone-mapped by the filmic curve at the automatic exposure. `below_zero` is the share of light
+that negative values of B̂ subtract: Σ max(−B̂, 0)/Σ|B̂|.
 """
 
 import contextlib
@@ -85,7 +80,7 @@ class RelightErrors:
 
 
 def dense_colours(scene: RelightScene, light: np.ndarray) -> list[np.ndarray]:
-    """Each object's light (V, 3) towards the first camera by the dense sum; NaN where the camera does not see it.
+    """Return each object's radiance (V, 3) towards the first camera, summed over all texels; NaN if not visible.
 
     `light` is a cube map of radiance (6, n, n, 3).
     """
@@ -105,7 +100,7 @@ def dense_colours(scene: RelightScene, light: np.ndarray) -> list[np.ndarray]:
 
 
 def sending_surfaces(scene: RelightScene) -> SendingSurfaces | None:
-    """The surfaces of a scene whose light between them counts; None where it does not."""
+    """Return the surfaces of a scene that reflect light onto each other; None if the scene has no bounces."""
     if scene.bounces is None:
         return None
     meshes, reflectances, tints, bumps = zip(
@@ -121,7 +116,7 @@ def scene_errors(
     stages: Sequence[str],
     begin: Callable[[int], object] = lambda number: None,
 ) -> list[RelightErrors | None]:
-    """The error of each object at so many vertices and pixels of the first camera; None where it sees none of it.
+    """Return each object's error at `vertices` vertices and as many pixels; None for invisible objects.
 
     `begin` is called with the number of each object before its turn.
     """
@@ -158,10 +153,10 @@ def measured_errors(
     rim: SeenVertices | None = None,
     around: SendingSurfaces | None = None,
 ) -> RelightErrors:
-    """Every stage of `stages` by itself, under one light and from one eye; of `pixels` and of the `rim` where given.
+    """Measure each stage of `stages` alone, under one light and from one eye.
 
-    `around` are the surfaces that send light to one another, where that counts. Raises BadInput for an unknown stage
-    and where no light reaches the vertices.
+    The stage picture needs `pixels`, and the stage rim needs `rim`. `around` are the surfaces that reflect light onto
+    each other, if the scene has bounces. Raises BadInput for an unknown stage and where no light reaches the vertices.
     """
     unknown = [each for each in stages if each not in STAGES]
     if unknown:

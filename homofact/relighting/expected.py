@@ -1,8 +1,8 @@
 """How long stages of relighting are expected to take, for progress: before a stage begins, within about a factor of 2.
 
 What a reflectance costs differs by a factor of ten between an analytic model and a measured table, so a few thousand
-pairs of directions are timed. How many pairs a stage evaluates, and what it takes beside them, was measured with one
-thread of an AMD EPYC: on materials of `configs/scenes` and on a measured paint.
+pairs of directions are timed. The number of pairs that a stage evaluates, and the time of its other work, were measured
+with one thread of an AMD EPYC, on the materials of `configs/scenes` and on a measured paint.
 """
 
 import time

@@ -1,8 +1,8 @@
-"""Whether a material's lobe is separate from its in-out factors, and the factors of what is left.
+"""Decide whether a material's lobe is separate from its in-out factors, and factor the rest.
 
-A sharp lobe needs hundreds of terms, and each costs every vertex `kept` coefficients. Where the rule for the number of
-terms asks for more than `MOST_SHARED`, the lobe is therefore summed separately (`lobe_table`, `lobe`), which costs each
-vertex one bit per texel, and the factors are those of the rest. Their number then follows the rule `error`, relative to
+A sharp lobe needs hundreds of terms, and each costs every vertex `kept` coefficients. If the rule for the number of
+terms gives more than `MOST_SHARED`, the lobe is therefore summed separately (`lobe_table`, `lobe`), at one bit per
+texel and vertex, and only the rest is factored. The number of factors then follows from the rule `error`, relative to
 the light of the whole material.
 """
 
@@ -34,7 +34,7 @@ _TIGHTEST = 1e-3
 
 @dataclass(frozen=True)
 class FactoredMaterial:
-    """In-out `factors` of a material, or of what it is without its `lobe`; `tilted` is for mapped normals."""
+    """In-out `factors` of a material, or of its rest without the `lobe`; `tilted` is for mapped normals."""
 
     factors: InOutFactors
     lobe: LobeTable | None = None
@@ -46,7 +46,7 @@ class FactoredMaterial:
         return replace(self, factors=factors, tilted=view)
 
     def part(self, reflectance: Reflectance) -> Reflectance:
-        """What the factors are of, the material being `reflectance`."""
+        """Return the part of the material `reflectance` that the factors approximate."""
         return reflectance if self.lobe is None else without_lobe(reflectance, self.lobe)
 
 
@@ -62,9 +62,9 @@ def factored(
     """The factors of a reflectance, and its lobe if that is separate: `lobe` is one of `LOBES`.
 
     `terms`, `share`, `error`, `map_size` and `light` are those of `factoring.factor`. If `terms` or a `share` are
-    given, a lobe is separate only if `lobe` requires it. The rest has the rule `error` (default: `ERROR`), unless there
-    are `terms`. A material with a texture has the factors of its two parts, `terms` of each. Raises BadInput as
-    `factor`, for another `lobe`, and for a `share` with a separate lobe.
+    given, a lobe is separate only if `lobe` requires it. Without `terms`, the rule `error` (default: `ERROR`) gives the
+    number of factors of the rest. A material with a base-colour texture is factored in two parts, with `terms` terms
+    each. Raises BadInput as `factor` does, for an unknown `lobe`, and for a `share` with a separate lobe.
     """
     if lobe not in LOBES:
         raise BadInput(where="lobe", found=repr(lobe), expected=f"one of {', '.join(LOBES)}")
@@ -89,11 +89,11 @@ def in_parts(
     error: float | None = None,
     light: EnvironmentMap | None = None,
 ) -> FactoredMaterial:
-    """The factors of a material with a texture: of each of its parts by the rule that made those of the `whole`.
+    """Return the factors of the two parts of a textured material, by the rule for the factors of the `whole`.
 
-    A `share` counts the energy of f itself, of which a gloss has much more than of the light that it sends back. Each
-    part by its own share would hold that of the gloss to a twentieth of what the whole leaves: the parts follow the
-    error of the whole instead.
+    A `share` measures the energy of f itself, and the glossy part has much more of this energy than of the reflected
+    light. If each part had to reach the share alone, the error of the glossy part would be limited to a twentieth of
+    the error of the whole. The parts therefore use the expected error of the whole.
     """
     lobe, size = whole.lobe, whole.factors.view.shape[1]
     rest = reflectance if lobe is None else without_lobe(reflectance, lobe)

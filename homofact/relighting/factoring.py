@@ -1,11 +1,11 @@
-"""In-out factors of a material: f(ωi, ωo) ≈ Σ_k g_k(ωi) h_k(ωo), as light maps and view maps; how many by three rules.
+"""In-out factors of a material, f(ωi, ωo) ≈ Σ_k g_k(ωi) h_k(ωo), as light maps and view maps.
 
-How many terms are kept has two rules. Mahajan, Tseng and Ramamoorthi (2008) count the energy of f, white light: 99% of
-it leaves a tenth of f in root mean square, and what that tenth does to a picture hangs on the light. The other rule
-counts the light that is sent back: turned anyhow, a light whose harmonics have the mean squares P_l is sent back by
-term k with the energy Σ_l S_kl P_l, S_kl = Σ_m (∫ Y_lm f v_k cosθi)², since the v_k are orthogonal and so are the
-harmonics. √(left out/all) is the relative root mean square error to be expected before shadows, of natural light or
-of an environment map whose own powers are taken.
+Besides a given number of terms, two rules choose how many terms are kept. Mahajan, Tseng and Ramamoorthi (2008) use the
+energy of f, as under white light: 99% of it leaves an RMS error of a tenth of f, whose effect on a picture depends on
+the light. The other rule uses the energy of the reflected light. Averaged over all rotations, term k reflects a light
+whose harmonics have the mean squares P_l with the energy Σ_l S_kl P_l, S_kl = Σ_m (∫ Y_lm f v_k cosθi)², since the v_k
+are orthogonal and so are the harmonics. √(left out/all) is the expected relative RMS error of the light without
+shadows: under natural light, or under an environment map with its own P_l.
 """
 
 from collections.abc import Sequence
@@ -36,8 +36,8 @@ def factor(
     `error`; or the fewest with `share` of f's energy. Errors and strengths are computed for `light`. Default: natural
     light, which always determines the functions. There are at most `MOST_TERMS`; compare `expected_error` with `error`
     to see if they were enough. Raises BadInput for terms outside 1 to `MOST_TERMS`, terms and an error both, an error
-    or a share outside (0, 1), maps of fewer than 8 texels across, and a reflectance without energy or with values that
-    are not finite.
+    or a share outside (0, 1), maps of fewer than 8 or more than 256 texels across, and a reflectance without energy or
+    with values that are not finite.
     """
     return factors_of_sizes(reflectance, (map_size,), terms, share, error, light)[0]
 
@@ -72,13 +72,13 @@ def factors_of_sizes(
 
 @one_thread
 def terms_for(reflectance: Reflectance, error: float, light: EnvironmentMap | None = None) -> int:
-    """How many terms leave an expected error of the light, `MOST_TERMS` at most. Raises BadInput as `factor`."""
+    """Return how many terms reach the expected `error`, at most `MOST_TERMS`. Raises BadInput as `factor`."""
     found, picked = _settled(reflectance, None, SHARE, error, light, None)
     return int(found.multiplicity[picked].sum())
 
 
 def check_channels(reflectance: Reflectance) -> None:
-    """Raise BadInput for channels that are no picture's."""
+    """Raise BadInput unless the reflectance has 1 or 3 channels."""
     if len(reflectance.channels) not in (1, 3):
         raise BadInput(where="relighting", found=f"{len(reflectance.channels)} channels", expected="1 or 3")
 

@@ -1,8 +1,8 @@
 """Light maps and view maps of a material: f(ωi, ωo) ≈ Σ_k g_k(ωi) h_k(ωo), read bilinearly off parabolic maps.
 
-`factoring` finds them. A texel beyond the rim of the disc belongs to no direction: it takes what bilinear reading at
-the rim, the horizon, needs. Texels are not samples: a straight line between two samples of a curve lies on its inner
-side everywhere, and what is lost at each peak of a term adds up over all of them (`fitted_texels`).
+`factoring` finds them. A texel beyond the rim of the disc corresponds to no direction. It has the value that bilinear
+interpolation at the rim, the horizon, needs. Texels are not point samples: linear interpolation between samples cuts
+every peak of a term, and this loss adds up over all terms. `fitted_texels` compensates for it.
 """
 
 import math
@@ -22,12 +22,12 @@ from homofact.geometry.parabolic import to_disc
 class InOutFactors:
     """Light maps `light` (K, M, M) and view maps `view` (K, M, M, C), float32, f in sr⁻¹ without the cosine.
 
-    The last `bounced` terms are not of f but of light between surfaces (`interreflection`). `strength` (K,) is each
-    term's part of `energy`, the expected Σ_c B² cosθo dωo of the light B that natural light, or the light that `factor`
-    was given, sends back; `beside` is the part of it that a separate lobe takes, which may be below 0. The first
-    `tinted` terms, and then the first half of the `bounced` ones, count times the tint of a texture. Texel (i, j)
-    lies at (2(i + ½)/M − 1, 2(j + ½)/M − 1) of the parabolic disc (u, v). With `cosine` the light maps have cosθi in
-    them, as those of mapped normals do (`tilted_view`). A `Reflectance`.
+    The last `bounced` terms are not of f but of light between surfaces (`interreflection`). `energy` is the expected
+    Σ_c B² cosθo dωo of the reflected radiance B, under natural light or under the light given to `factor`. `strength`
+    (K,) is each term's part of it, and `beside` the part of a separate lobe, which may be negative. If there are
+    `tinted` terms, the tint of a texture multiplies the first `tinted` terms and the first half of the `bounced` ones.
+    Texel (i, j) lies at (2(i + ½)/M − 1, 2(j + ½)/M − 1) of the parabolic disc (u, v). If `cosine` is true, the light
+    maps include cosθi, as they do for mapped normals (`tilted_view`). A `Reflectance`.
     """
 
     light: np.ndarray
@@ -42,36 +42,36 @@ class InOutFactors:
 
     @property
     def terms(self) -> int:
-        """K, those of interreflection among them."""
+        """Return K, including the terms of interreflection."""
         return len(self.light)
 
     @property
     def direct(self) -> int:
-        """How many are the terms of f."""
+        """Return the number of terms of f."""
         return self.terms - self.bounced
 
     @property
     def tinted_terms(self) -> np.ndarray:
-        """Which terms (K,) count times the tint of a texture."""
+        """Return which terms (K,) the tint of a texture multiplies."""
         place = np.arange(self.terms)
         between = (place >= self.direct) & (place < self.direct + self.bounced // 2)
         return (place < self.tinted) | ((self.tinted > 0) & between)
 
     @property
     def in_parts(self) -> Reflectance:
-        """The maps as a reflectance: of a material with a texture, in two parts."""
+        """Return the maps as a reflectance, in two parts if the material has a texture."""
         if not self.tinted:
             return self
         return Tinted(*(self.chosen(np.flatnonzero(own)) for own in (self.tinted_terms, ~self.tinted_terms)))
 
     @property
     def share(self) -> float:
-        """The part of the energy that the terms hold, with what is held beside them."""
+        """Return the share of the energy that the terms and a separate lobe cover."""
         return float((self.strength.sum() + self.beside) / self.energy)
 
     @property
     def expected_error(self) -> float:
-        """√(1 − share): the relative RMS error of reflected light by the terms, over all turnings of the light."""
+        """Return √(1 − share), the relative RMS error of the reflected light over all rotations of the light."""
         return math.sqrt(max(0.0, 1 - self.share))
 
     @property
@@ -81,7 +81,7 @@ class InOutFactors:
 
     @property
     def fetches(self) -> int:
-        """A light map and a view map a term."""
+        """Return two fetches per term: its light map and its view map."""
         return 2 * self.terms
 
     @cached_property
@@ -91,9 +91,9 @@ class InOutFactors:
 
     @cached_property
     def weights(self) -> np.ndarray:
-        """The root mean square (K,) float32 of each term's view map: what an error of its transport counts for.
+        """Return the RMS (K,) float32 of each term's view map, the weight of an error in its transport.
 
-        Over all tilts of a normal map it is 1: its functions are orthonormal.
+        For mapped normals it is 1, since the functions of the tilt are orthonormal.
         """
         found = np.sqrt((self.view.astype(np.float64) ** 2).mean((1, 2, 3))).astype(np.float32)
         if self.cosine:
@@ -105,12 +105,12 @@ class InOutFactors:
         return replace(self, light=self.light[:terms], view=self.view[:terms], strength=self.strength[:terms])
 
     def chosen(self, places: np.ndarray) -> "InOutFactors":
-        """Those terms alone, as terms of f that no texture tints."""
+        """Return only these terms, as untinted terms of f."""
         own = {name: getattr(self, name)[places] for name in ("light", "view", "strength")}
         return replace(self, **own, bounced=0, tinted=0)
 
     def with_plain(self, plain: "InOutFactors") -> "InOutFactors":
-        """These terms, which a texture tints, and then others that none does; the energy is that of both."""
+        """Return these terms, tinted, followed by the untinted terms of `plain`; the energy is unchanged."""
         return InOutFactors(
             np.concatenate((self.light, plain.light)),
             np.concatenate((_widened(self.view), _widened(plain.view))),
@@ -142,10 +142,11 @@ def texel_points(size: int) -> Tensor:
 
 
 def fitted_texels(samples: Tensor) -> Tensor:
-    """Texels (K, M, M, ...) that, read bilinearly, err least in squares, of samples of smooth functions at them.
+    """Return texels (K, M, M, ...) whose bilinear interpolation fits samples of smooth functions best.
 
-    In one direction the mean of linear interpolation lies h²/12 f″ beside f, and taking that away leaves 1/√6 of its
-    root mean square error: samples less a twelfth of their second differences, along both directions.
+    Along one axis, linear interpolation with step h deviates from f by h²/12 f″ on average. Subtracting this mean
+    reduces the RMS error to 1/√6. The texels are therefore the samples minus a twelfth of their second differences,
+    along both axes.
     """
     found = samples.clone()
     for axis in (1, 2):

@@ -25,7 +25,7 @@ _MOST = 32767
 
 @dataclass(frozen=True)
 class Harmonic:
-    """`number` (V, K, (n + 1)²) int16 times `step` (V, K) float32; `frames` and the others are the object's."""
+    """Coefficients `number` (V, K, (n + 1)²) int16 times `step` (V, K) float32, with the object's vertex data."""
 
     transport: WaveletTransport
     number: np.ndarray
@@ -33,7 +33,7 @@ class Harmonic:
 
     @property
     def factors(self) -> InOutFactors:
-        """Those of the transport that it was made from."""
+        """Return the factors of the transport that it was made from."""
         return self.transport.factors
 
     @property
@@ -43,7 +43,7 @@ class Harmonic:
 
     @property
     def nbytes(self) -> int:
-        """Two bytes a number, a step a vector."""
+        """Return the bytes: two per coefficient, and a float32 step per vector."""
         return self.number.nbytes + self.step.nbytes
 
     def tuples(self, light: np.ndarray) -> np.ndarray:
@@ -53,7 +53,7 @@ class Harmonic:
         return found * self.step[..., None]
 
     def clustered(self) -> Clustered:
-        """The same as one cluster whose components are the harmonics, term by term: what the page reads."""
+        """Return the transport as one cluster with the harmonics of each term as components, for the page."""
         vertices, terms, count = self.number.shape
         settings = self.transport.settings
         maps = harmonic_maps(self.order, settings.cube)[0].astype(np.float32)

@@ -63,7 +63,7 @@ class BounceColours:
 
     @classmethod
     def of(cls, albedos: Sequence[np.ndarray]) -> "BounceColours":
-        """Of the objects' mean albedos (C,), by as few colours as they need; none where all are black."""
+        """Return the fewest colours that span the objects' mean albedos (C,); none if all are black."""
         rows = np.stack([np.broadcast_to(each, (3,)) for each in albedos]).astype(np.float64)
         left, size, right = np.linalg.svd(rows, full_matrices=False)
         count = int((size > _SMALL * max(size[0], 1e-12)).sum())
@@ -71,11 +71,11 @@ class BounceColours:
         return cls(left[:, :count] * size[:count] * sign, right[:count] * sign[:, None])
 
     def terms(self, factors: InOutFactors, responses: Sequence[np.ndarray], tilted: bool = False) -> InOutFactors:
-        """The factors with terms of interreflection behind them.
+        """Return the factors with the terms of interreflection appended.
 
-        `responses` (J, M, M, C) are those to smooth light: one, or of a material with a texture that of its tinted part
-        and that of the other, whose terms follow. Under `tilted` normals a matt material too reflects more than the
-        constant.
+        `responses` (J, M, M, C) are the responses to smooth light: one, or for a textured material two, of its tinted
+        part and of its plain part. The terms have the same order. Under `tilted` normals even a matt material reflects
+        more than the constant polynomial.
         """
         strength = [np.sqrt((each.astype(np.float64) ** 2).mean((1, 2, 3))) for each in responses]
         few = not tilted and all((each[1:] < _MATT * strength[0][0]).all() for each in strength)
@@ -97,7 +97,7 @@ class BounceColours:
 
 @dataclass(frozen=True)
 class Interreflection:
-    """What all surfaces of a scene send on: for every vertex of `normals` (W, 3) and `triangles` of the occluder.
+    """The light that all surfaces of a scene reflect, at the W vertices of the occluder.
 
     `seen` (W, 6·m²) float32 are cosθ dω/π of the texels that a vertex sees, of a cube map of m texels along a face;
     `shares` (W, R) float32 as in `BounceColours`, of the object that a vertex belongs to.
@@ -117,7 +117,7 @@ class Interreflection:
         occluder: Occluder,
         progress: Callable[[int, int], object] | None = None,
     ) -> "Interreflection":
-        """Of meshes in the occluder's order; `progress` is called with (vertices done, vertices)."""
+        """Trace meshes, given in the occluder's order; `progress` is called with (vertices done, vertices)."""
         count = sum(len(mesh.positions) for mesh in meshes)
         seen, done = np.zeros((count, cube.FACES * INNER**2), np.float32), [0]
         pieces, first = [], 0
@@ -143,7 +143,7 @@ class Interreflection:
 
     @staticmethod
     def cost(vertices: int) -> tuple[int, int]:
-        """(bytes of memory, rays) that the surfaces of so many vertices take, and what reaches as many."""
+        """Return (bytes of memory, rays) for the light that so many vertices reflect and receive."""
         texels = cube.FACES * INNER**2
         return 4 * texels * vertices, vertices * (texels * _INNER_RAYS**2 + cube.FACES * OUTER**2) // 2
 
@@ -163,7 +163,8 @@ class Interreflection:
     ) -> np.ndarray:
         """T (J·R, 6·m²) of a point in the world with a frame (3, 3), by `count` = J polynomials.
 
-        With `light` (W, L), what this light of the surfaces' vertices, E/π, adds to the terms: (J·R, L).
+        If `light` (W, L) gives E/π at the surfaces' vertices under L lamps, return the terms (J·R, L) of this light
+        instead.
         """
         w, angles = self._outer
         wi = w @ frame.T.astype(np.float64)
@@ -211,7 +212,7 @@ class Interreflection:
 
 
 def spread_suns(suns: Sequence[Sun], size: int) -> np.ndarray:
-    """Radiance (6, n, n, 3) on a cube map of suns that are at least `SUN_RADIUS` wide: of the texels of `INNER`."""
+    """Return the radiance (6, n, n, 3) of suns, each at least `SUN_RADIUS` wide, at the resolution of `INNER`."""
     total = cube.FACES * INNER**2
     found = np.zeros((total, 3))
     for sun in suns:

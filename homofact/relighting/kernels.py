@@ -1,6 +1,6 @@
-"""Compiled loops of precomputed transport: the vectors of a vertex, and what of them is kept.
+"""Compiled loops of precomputed transport: the vectors of a vertex and the choice of stored coefficients.
 
-All work on float32 and let go of the interpreter's lock, so that blocks run side by side in threads.
+All loops use float32 and release the GIL, so that threads process blocks in parallel.
 """
 
 import math
@@ -18,7 +18,7 @@ STEPS = np.float32(4.0)
 
 @kernel(nogil=True, inline="always")
 def place(x: float, y: float, z: float, size: int) -> tuple:
-    """Corner and shares of the bilinear look-up of a direction in a parabolic map."""
+    """Return the corner texel and the weights of the bilinear lookup of a direction in a parabolic map."""
     below = np.float32(1.0) + max(z, np.float32(0.0))
     half = np.float32(0.5) * size
     u = min(max(x / below * half + half - np.float32(0.5), np.float32(0.0)), np.float32(size - 1))
@@ -74,7 +74,7 @@ def transport_vectors(
 def threshold_of(values: np.ndarray, kept: int) -> np.int32:
     """The bits of the `kept`-th largest magnitude of a flat float32 array; magnitudes order as their bits do.
 
-    Two counts of 2^12 and 2^20 bits' worth would do the same as sorting; here the low bits are counted in two rounds.
+    This is a radix select: three histograms, of the top 11 bits and of twice 10 lower bits, replace a sort.
     """
     bits = values.view(np.int32)
     counts = np.zeros(2048, np.int32)
@@ -109,7 +109,8 @@ def threshold_of(values: np.ndarray, kept: int) -> np.int32:
 def threshold_of_energy(values: np.ndarray, weights: np.ndarray, tolerance: float) -> float:
     """The largest t for which the weighted squares below t sum to at most tolerance² of all, of (K, J) values.
 
-    Squares are counted in 2,048 steps of a factor √2^(1/4): the sum that is left out stays within the bound.
+    The squares are summed in 2,048 bins, each 2^(1/4) times as large as the one before. Only whole bins are dropped, so
+    that the dropped sum stays within the bound.
     """
     counts = np.zeros(2048)
     total = 0.0
@@ -138,10 +139,11 @@ def binned(
     squares: np.ndarray,
     sent: np.ndarray,
 ) -> None:
-    """What (K, J) coefficients are worth, by the bins of `threshold_of_energy` and by groups of terms.
+    """Count (K, J) coefficients and sum their light, by bins of `threshold_of_energy` and groups of terms.
 
-    Adds to `counts` and `squares` (G, 2048) how many there are and their weighted squares, to `sent` (G, 2048, L·C)
-    what they send to an eye of view values (K, C) under the L lights of `light` (J, L·C). `group` (K,) is below G.
+    Adds their number to `counts` and their weighted squares to `squares`, both (G, 2048). Adds the light that they send
+    to an eye with view values (K, C) to `sent` (G, 2048, L·C), under the L lights of `light` (J, L·C). `group` (K,) is
+    the group of each term, below G.
     """
     channels = view.shape[1]
     for k in range(values.shape[0]):
@@ -160,11 +162,11 @@ def binned(
 
 @kernel(nogil=True)
 def keep_largest(values: np.ndarray, kept: int, index: np.ndarray, number: np.ndarray) -> tuple:
-    """(how many, scale): the `kept` largest of a vector (J,), as places and 16-bit numbers times the scale.
+    """Store the `kept` largest coefficients of a vector (J,) as indices and int16; return (count, scale).
 
-    Of equals at the threshold the first are taken; what would be stored as 0 is left out. The scale is the largest
-    coefficient left out over `STEPS`, so that rounding changes no number by more than an eighth of that coefficient;
-    or the largest of all over 32767, where that is more.
+    Of equal coefficients at the threshold, the first are kept. Coefficients that would round to 0 are dropped. The
+    scale is the largest dropped coefficient divided by `STEPS`, so that rounding changes no coefficient by more than an
+    eighth of it. If the largest coefficient divided by 32767 is larger, it is the scale instead.
     """
     bits = values.view(np.int32)
     threshold = threshold_of(values, kept)
@@ -205,7 +207,7 @@ def keep_largest(values: np.ndarray, kept: int, index: np.ndarray, number: np.nd
 
 @kernel(nogil=True)
 def keep_above(values: np.ndarray, weight: float, square: float, index: np.ndarray, number: np.ndarray) -> tuple:
-    """(how many, scale) as `keep_largest`, of all whose weighted square is at least `square`."""
+    """Store, as `keep_largest` does, all coefficients whose weighted square is at least `square`."""
     count = 0
     largest, left_out = np.float32(0.0), np.float32(0.0)
     for each in values:

@@ -35,7 +35,7 @@ class Lamp:
     intensity: np.ndarray
 
     def cones(self, points: np.ndarray) -> LightCones:
-        """How points (S, 3) see it; one inside it sees it as one on its surface does."""
+        """Return the lamp's cones seen from points (S, 3); a point inside it is treated as one on its surface."""
         towards = self.position - points
         distance = np.linalg.norm(towards, axis=1).clip(self.radius * (1 + 1e-6))
         middle = towards / np.linalg.norm(towards, axis=1, keepdims=True).clip(1e-12)
@@ -43,7 +43,7 @@ class Lamp:
         return LightCones(middle, angle, self.intensity / distance[:, None] ** 2, distance, self.radius)
 
     def radiance(self) -> np.ndarray:
-        """That of its surface (3,)."""
+        """Return the radiance of its surface (3,)."""
         return self.intensity / (math.pi * self.radius**2)
 
     def met(self, origin: np.ndarray, rays: np.ndarray) -> np.ndarray:

@@ -13,7 +13,7 @@ from homofact.relighting.kernels import place
 def relight_all(
     start: np.ndarray, index: np.ndarray, number: np.ndarray, scale: np.ndarray, light: np.ndarray, out: np.ndarray
 ) -> None:
-    """Every vector's product with the light: `out` (R, 3) of `light` (J, 4), transformed, the fourth number unused."""
+    """Write each vector's product with the transformed `light` (J, 4), fourth column unused, to `out` (R, 3)."""
     for r in prange(len(scale)):
         red, green, blue = np.float32(0), np.float32(0), np.float32(0)
         for p in range(start[r], start[r + 1]):
@@ -59,7 +59,7 @@ def shade_all(
 ) -> None:
     """Radiance (V, 3) towards `eye` (3,): Σ_k h_k(ωo) of `view_maps` (M, M, K, C) times `lit` (V, K, 3).
 
-    0 where a vertex is seen from behind. Negative sums stay: they are for the caller to show or cut.
+    It is 0 where a vertex is seen from behind. Negative sums are not clipped; the caller can clip them.
     """
     size, terms, channels = view_maps.shape[0], view_maps.shape[2], view_maps.shape[3]
     for v in prange(len(positions)):

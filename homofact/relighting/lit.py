@@ -1,4 +1,4 @@
-"""An object under a light: what its vertices and the points between them send to an eye, by the form that is held."""
+"""An object under a light: the radiance from its vertices, and from points between them, towards an eye."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -24,8 +24,8 @@ from homofact.scene.tint import SurfaceTint
 class LitObject:
     """The K-tuples (V, K, 3) of an object's vertices, the light's `cells` for a separate `lobe`, and its suns.
 
-    `tint` is what a base-colour texture makes of its material, `bumps` what a normal map makes of its normals, and
-    `tilted` what tilted normals make of the terms.
+    `tint` is the effect of a base-colour texture on the material, `bumps` the normal map, and `tilted` the effect of
+    tilted normals on the terms.
     """
 
     transport: WaveletTransport
@@ -49,7 +49,7 @@ class LitObject:
         bumps: SurfaceNormals | None = None,
         tilted: TiltedView | None = None,
     ) -> "LitObject":
-        """Under a light, by the compact form where there is one, suns and lamps. Raises BadInput for no light."""
+        """Light an object, from its compact form if given. Raises BadInput if `light` is not a light."""
         cells = None if lobe is None else lobe.cells(light_cube(light, transport.settings.cube))
         tuples, bounced = lit_tuples(transport, compact, light), transport.factors.bounced
         if bounced and sunlight is not None and sunlight.suns:
@@ -75,7 +75,7 @@ class LitObject:
         return (plain + tinted * self.tint.at_vertices).astype(np.float32)
 
     def terms_at(self, points: SurfacePoints, eye: Sequence[float] | np.ndarray) -> np.ndarray:
-        """The same (S, 3) float64 mixed at points between vertices, with the texture's colour and normal there."""
+        """Return `terms` (S, 3) float64 interpolated between vertices, with the texture's colour and normal."""
         if self.tilted is not None:
             return self._tilted_at(points)
         seen = points.of_facing(self._facing(eye))
@@ -135,7 +135,7 @@ class LitObject:
     ) -> np.ndarray:
         """Return the radiance (S, 3) by suns and lamps, whose visible parts are `seen` (S, Q).
 
-        By default these are mixed from the vertices. `sight` is as in `Sunlight.at`.
+        By default the visible parts are interpolated from the vertices. `sight` is as in `Sunlight.at`.
         """
         if self.sunlight is None:
             return np.zeros((len(points.frames), 3))
@@ -144,7 +144,7 @@ class LitObject:
         return self.sunlight.at(points, self.transport.positions, parts, tint, sight)
 
     def only_beside(self, suns: bool, lamps: bool) -> "LitObject":
-        """The same with the suns alone, the lamps alone, both or none beside the sky."""
+        """Return the object with only the suns, only the lamps, both, or none beside the sky."""
         return replace(self, sunlight=None if self.sunlight is None else self.sunlight.only(suns, lamps))
 
     def shade(self, eye: Sequence[float] | np.ndarray) -> np.ndarray:
@@ -164,7 +164,7 @@ class LitObject:
         seen: np.ndarray | None = None,
         sight: PointSight | None = None,
     ) -> np.ndarray:
-        """Radiance (S, 3) of points between vertices: of the factors mixed, of lobe and suns at the point itself.
+        """Return radiance (S, 3) between vertices: factors interpolated, lobe and suns computed at the point.
 
         `seen` is as in `suns_at`, `sight` as in `SeparateLobe.at` and `Sunlight.at`.
         """

@@ -1,8 +1,9 @@
-"""Points that explicit lights shine on: where their rays start, and what of a light's disc they see.
+"""Points that explicit lights shine on: the origins of shadow rays, and the visible part of a light's disc.
 
-A ray from a flat triangle below an interpolated normal meets its neighbours near the terminator. It starts from the
-point lifted to the tangent planes of its corners (Hanika 2021, Hacking the Shadow Terminator): of each corner v with
-normal n the part of n that lies above, max(0, (v − p)·n), mixed as the point is of its corners.
+Near the terminator, a shadow ray from a flat triangle hits the neighbouring triangles, although the light is above the
+horizon of the interpolated normal. Rays therefore start from the point p lifted to the tangent planes of its corners
+(Hanika 2021, Hacking the Shadow Terminator). For each corner v with normal n, the offset is max(0, (v − p)·n) along n.
+The three offsets are interpolated with the barycentric weights of p.
 """
 
 import math
@@ -32,7 +33,7 @@ class LitPoints:
 
     @property
     def normals(self) -> np.ndarray:
-        """Those of the surface (S, 3), above which light arrives."""
+        """Return the surface's own normals (S, 3); light arrives only above their horizon."""
         return self.frames[:, 2] if self.horizon is None else self.horizon
 
     @classmethod
@@ -46,15 +47,15 @@ class LitPoints:
         return cls(origins, points.frames, points.horizon)
 
     def sight(self, occluder: Occluder) -> PointSight:
-        """What meshes hide of the sky from them."""
+        """Return what the meshes of `occluder` hide from the points."""
         return PointSight(self.origins, occluder)
 
     def seen(
         self, lights: Sequence[RoundLight], occluder: Occluder, samples: int, seed: int | None = None
     ) -> np.ndarray:
-        """How much (S, Q) of each light's disc is not hidden, of the part that is above the surface.
+        """Return the unhidden fraction (S, Q) of the part of each light's disc that is above the surface.
 
-        By so many rays, whose pattern is turned anyhow from point to point where there is a `seed`.
+        `samples` rays are traced for each disc. With a `seed`, their pattern is rotated randomly at each point.
         """
         found = np.zeros((len(self.origins), len(lights)), np.float32)
         for number, light in enumerate(lights):
@@ -73,6 +74,6 @@ class LitPoints:
 
 
 def ray_parts(count: int, rays: int) -> Iterator[np.ndarray]:
-    """The numbers of `count` points, in parts of about `_RAYS` rays."""
+    """Return the indices of `count` points in batches of about `_RAYS` rays."""
     size = max(1, _RAYS // rays)
     return (np.arange(first, min(first + size, count)) for first in range(0, count, size))

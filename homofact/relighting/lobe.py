@@ -1,7 +1,7 @@
-"""The light of a separate lobe from an object's in-out factors: summed where it is seen, for every view.
+"""The light of a lobe that is separate from an object's in-out factors, summed at visible points per view.
 
-Nothing of it is precomputed but what each vertex sees, so that a change of light costs nothing. A view sums the cells
-of the sky that the lobe reaches (`lobe_kernels`), some hundreds a vertex whatever the lobe's width.
+Only the visibility of each vertex is precomputed, so a change of light costs nothing. For every view, homofact sums the
+cells of the sky that the lobe reaches (`lobe_kernels`): some hundreds per vertex, independent of the lobe's width.
 """
 
 from collections.abc import Callable, Sequence
@@ -28,8 +28,8 @@ _CELLS, _LEAST, _POINTS = 512, 1e-3, 2048
 class SurfacePoints:
     """Points between vertices: `frames` (S, 3, 3), rows tangent, binormal, normal, and the view `wo` (S, 3) in them.
 
-    Each is mixed of the vertices `corners` (S, 3) by `shares` (S, 3). Where a normal map tilts the frames, `horizon`
-    (S, 3) are the normals of the surface itself, under which no light arrives.
+    Each point interpolates the vertices `corners` (S, 3) with the weights `shares` (S, 3). If a normal map tilts the
+    frames, `horizon` (S, 3) are the surface's own normals; no light arrives from below their horizon.
     """
 
     frames: np.ndarray
@@ -54,13 +54,13 @@ class SurfacePoints:
         return cls.at_vertices(frames, np.einsum("vij,vj->vi", frames, towards), np.arange(len(positions)))
 
     def only(self, which: np.ndarray) -> "SurfacePoints":
-        """Those numbered."""
+        """Return the points with these indices."""
         horizon = None if self.horizon is None else self.horizon[which]
         return SurfacePoints(self.frames[which], self.wo[which], self.corners[which], self.shares[which], horizon)
 
     @property
     def normals(self) -> np.ndarray:
-        """Those of the surface (S, 3), whatever a normal map says."""
+        """Return the surface's own normals (S, 3), without the normal map."""
         return self.frames[:, 2] if self.horizon is None else self.horizon
 
     @property
@@ -69,13 +69,13 @@ class SurfacePoints:
         return np.einsum("sij,si->sj", self.frames, self.wo)
 
     def mixed(self, values: np.ndarray) -> np.ndarray:
-        """Values (S, C) between those of the vertices (V, C)."""
+        """Interpolate values (V, C) of the vertices at the points: (S, C)."""
         return (values[self.corners] * self.shares[..., None]).sum(1)
 
     def of_facing(self, facing: np.ndarray) -> "SurfacePoints":
-        """The same with shares of those corners alone whose vertices (V,) face the viewer, where any does.
+        """Return the points with weights only at the corners that face the viewer, if any does.
 
-        A vertex that is turned away sends nothing to the viewer: mixed in, it darkens the outline.
+        `facing` (V,) marks these vertices. A vertex that faces away has radiance 0 and would darken the outline.
         """
         return replace(self, shares=facing_shares(self.shares, facing[self.corners]))
 
@@ -95,17 +95,17 @@ class PointSight:
     occluder: Occluder
 
     def only(self, which: np.ndarray) -> "PointSight":
-        """Of the points numbered."""
+        """Return the same for the points with these indices."""
         return PointSight(self.origins[which], self.occluder)
 
     def sees(self, which: np.ndarray, directions: np.ndarray, lengths: np.ndarray | None = None) -> np.ndarray:
-        """Whether the points `which` (R,) see in `directions` (R, 3) as far as `lengths` (R,), or the sky."""
+        """Return whether rays from points `which` (R,) in `directions` (R, 3) are free up to `lengths` (R,)."""
         return ~self.occluder.blocked(self.origins[which], directions, lengths)
 
 
 @dataclass(frozen=True)
 class SeparateLobe:
-    """A lobe and the `sight` of every vertex, what it sees of the sky."""
+    """A lobe, and the visibility of the sky (`sight`) at every vertex."""
 
     table: LobeTable
     sight: VertexSight
@@ -120,7 +120,7 @@ class SeparateLobe:
         folder: Path | None,
         progress: Callable[[int, int], object] | None = None,
     ) -> "SeparateLobe | None":
-        """A material's lobe on a mesh, for cube maps of `size` texels; None where there is no `table`.
+        """Trace the visibility for a lobe on a mesh, for cube maps of `size` texels; None without a `table`.
 
         `folder` keeps what the vertices see for a later run; `progress` is called with (blocks done, blocks). Raises
         BadInput for a damaged file there.
@@ -135,14 +135,14 @@ class SeparateLobe:
         return self.table.nbytes + self.sight.nbytes
 
     def cells(self, radiance: np.ndarray) -> LightCells:
-        """The light of a cube map of radiance (6, n, n, 3), as fine as the lobe needs it."""
+        """Return the cells of a cube map of radiance (6, n, n, 3), divided as finely as the lobe needs."""
         return LightCells.of(radiance, texel_divisions(self.table.half_width, radiance.shape[1]))
 
     def at(self, points: SurfacePoints, cells: LightCells, sight: "PointSight | None" = None) -> np.ndarray:
         """Radiance (S, 3) float32 of the lobe towards the viewer; 0 where a point is seen from behind.
 
-        A point sees a mixture of what its corners see. With `sight`, rays are sent to the cells of which one corner
-        sees more than another: a mirror image of a shadow ends between two vertices, sharply.
+        The visibility at a point is interpolated from its corners. With `sight`, rays test the cells that the corners
+        see to different degrees, so that mirrored shadows end sharply between vertices.
         """
         out = self._summed(points, cells, HalfSeenCells.room(len(points.frames), 0))
         if sight is None or not len(out):
@@ -179,7 +179,7 @@ class SeparateLobe:
 
 
 def checked_eye(eye: Sequence[float] | np.ndarray) -> np.ndarray:
-    """The point (3,) float64. Raises BadInput for what is no point."""
+    """Return the point (3,) as float64. Raises BadInput if it is not a point."""
     point = np.asarray(eye, np.float64)
     if point.shape != (3,) or not np.isfinite(point).all():
         raise BadInput(where="eye", found=eye, expected="a point of 3 finite numbers")

@@ -47,10 +47,11 @@ class TableArrays(NamedTuple):
 
 
 class HalfSeenCells(NamedTuple):
-    """Cells that some corners of a point see more of than others: `found` (P,) of them, as many as there is room for.
+    """Cells that the corners of a point see to different degrees: `found` (P,) per point, up to the room.
 
-    `cells` (P, M) are their numbers, `light` (P, M, 3) what a whole cell sends to the viewer, `seen` (P, M) the part
-    that was summed. Texels and cells whose light hangs on it by less than `least` are left out.
+    `cells` (P, M) are their indices, `light` (P, M, 3) is the radiance towards the viewer if the whole cell is visible,
+    and `seen` (P, M) the fraction of it that was summed. Cells and texels that can change the radiance by less than
+    `least` are left out.
     """
 
     cells: np.ndarray
@@ -61,7 +62,7 @@ class HalfSeenCells(NamedTuple):
 
     @classmethod
     def room(cls, points: int, most: int, least: float = 0.0) -> "HalfSeenCells":
-        """Room for `most` cells a point."""
+        """Allocate `most` cells per point."""
         light = np.zeros((points, most, 3), np.float32)
         return cls(np.zeros((points, most), np.int64), light, light[..., 0].copy(), np.zeros(points, np.int64), least)
 
@@ -115,8 +116,8 @@ def _note(half_seen, p, cell, sent, seen, oz):  # pragma: no cover (compiled)
 def sum_lobe(points, sight, cells, lobe, out, half_seen):  # pragma: no cover (compiled)
     """Radiance `out` (P, 3) of a lobe at points with frames (P, 3, 3) in the world, towards views (P, 3) in them.
 
-    What a point sees is that of the vertices `corners` (P, 3), mixed by `shares` (P, 3); `sight` are
-    `SightArrays`, `half_seen` `HalfSeenCells`.
+    The visibility at a point is interpolated from the vertices `corners` (P, 3) with the weights `shares` (P, 3).
+    `sight` is a `SightArrays`, and `half_seen` a `HalfSeenCells`.
     """
     table, width, period, circle = lobe
     light, places, parts, starts, divisions = cells

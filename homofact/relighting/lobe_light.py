@@ -24,9 +24,9 @@ _ROOTS = 8  # cells along a face of the coarsest level
 class LightCells:
     """Cells of all levels, level k from `starts`[k] on, face by face; the first `divisions` levels are parts of texels.
 
-    `parts` (P, 4) and `places` (N, 4) float32 are the direction of a cell's centre and the root of its solid angle,
-    below 0 where a texel of it is bright; P + i is the number of the cell `places`[i]. `light` (N, 3) float32 is the
-    radiance of texels and larger cells.
+    Each row of `parts` (P, 4) and `places` (N, 4), float32, is the direction of a cell's centre and the square root of
+    its solid angle, negative if the cell contains a bright texel. Row i of `places` is cell P + i. `light` (N, 3)
+    float32 is the radiance of texels and larger cells.
     """
 
     light: np.ndarray
@@ -37,7 +37,7 @@ class LightCells:
 
     @classmethod
     def of(cls, radiance: np.ndarray, divisions: int = 0) -> "LightCells":
-        """Those of a cube map of radiance (6, n, n, 3), its texels divided so many times into 2 × 2 parts."""
+        """Make the cells of a cube map (6, n, n, 3), its texels divided `divisions` times into 2 × 2 parts."""
         size = radiance.shape[1]
         parts = _parts(size, divisions)
         lights, places = [], []

@@ -4,18 +4,19 @@ A sharp lobe needs hundreds of in-out factors. What is left without it is smooth
 
     lobe(ωi, ωo) = T(θo, φo, s)/(cosθi cosθo),    s = (hx, hy)/hz,    h = ωi + ωo,
 
-with h turned so that the viewer's azimuth is 0: T is linear between the nodes of a grid (`slope_grid`). Highlights stay
-where they are in the half vector, whatever θo, so that few θo do. The nodes of θo lie densest near the horizon,
-θ = STEEPEST (1 − (1 − t)^1.5) at even t; a view beyond is raised to it. An isotropic material has one φo.
+with h turned so that the viewer's azimuth is 0: T is linear between the nodes of a grid (`slope_grid`). In terms of the
+half vector, highlights stay in place for all θo, so a few nodes of θo suffice. The nodes are densest near the horizon,
+θ = STEEPEST (1 − (1 − t)^1.5) at even t; views beyond STEEPEST are raised to it. An isotropic material has one φo.
 
-T is (f − b) cosθi cosθo, b the least f of that ωo: what is like it stays in the rest. Both cosines take off what grows
-towards the horizon; under it T is 0. The nodes are fitted to linear interpolation.
+T is (f − b) cosθi cosθo, where b is the least f for this ωo. The base b stays in the rest. The two cosines cancel the
+growth of f towards the horizon. Below the horizon T is 0. The node values are fitted for linear interpolation.
 
-The rest is f − lobe, whatever T is: the two add up to f. What the grid does not hold of f is in the rest, and of that
-as much is kept as its in-out factors hold.
+The rest is f − lobe, so that lobe and rest always add up to f. What the grid misses is part of the rest, and the in-out
+factors approximate the rest.
 
-A sun's light is reflected by tables of all of f (`sun_tables`): the lobe's, and one of the rest on a broad grid, of
-f cosθo alone. A broad grid would round off the end of cosθi at the horizon; there f is continued instead.
+For suns, tables represent all of f (`sun_tables`): the table of the lobe, and a table of the rest on a broad grid. The
+latter stores f cosθo without cosθi, because a broad grid would smooth the kink of cosθi at the horizon. Below the
+horizon it continues f.
 """
 
 import math
@@ -53,7 +54,7 @@ _HALF_VIEW, _HALF_AZIMUTHS = 0.5, 8
 class LobeTable:
     """T as `values` (levels, turns, along, around, 3) float32 in sr⁻¹; `width` is w; φo has the `period` in radians.
 
-    Around is a `whole` circle, or the half of it of a lobe that is the same on both sides of the plane of incidence.
+    The axis around covers a `whole` circle, or half a circle for a lobe that is symmetric about the plane of incidence.
     `cosine` is true if T includes cosθi. `tinted` (levels, 3) float32 is the part of each channel that the base colour
     of a texture multiplies, linear between the nodes of θo; None without a texture. The table is a `Reflectance` of
     three channels: the lobe.
@@ -69,7 +70,7 @@ class LobeTable:
 
     @property
     def turns(self) -> int:
-        """At how many φo."""
+        """Return the number of nodes of φo."""
         return self.values.shape[1]
 
     @property
@@ -79,12 +80,12 @@ class LobeTable:
 
     @property
     def fetches(self) -> int:
-        """A bilinear look-up at two θo, of an anisotropic material at two φo each."""
+        """Return the bilinear lookups: at two θo, and for an anisotropic material at two φo each."""
         return 2 if self.turns == 1 else 4
 
     @property
     def half_width(self) -> float:
-        """Of the lobe, where it has fallen to half of its height: a slope of the half vector."""
+        """Return the slope of the half vector at which the lobe has half of its height."""
         return self.width / _WIDTHS
 
     @property
@@ -93,11 +94,11 @@ class LobeTable:
         return self if self.tinted is None else Tinted(self.times(self.tinted), self.times(1 - self.tinted))
 
     def times(self, parts: np.ndarray) -> "LobeTable":
-        """The table with the channels times numbers (levels, 3), without a texture."""
+        """Return the table with its channels multiplied by numbers (levels, 3), without `tinted`."""
         return replace(self, values=self.values * parts[:, None, None, None].astype(np.float32), tinted=None)
 
     def under(self, tint: np.ndarray, wo: np.ndarray) -> np.ndarray:
-        """What its light is multiplied by (S, 3) towards views (S, 3), at points of such tints (S, 3)."""
+        """Return the factors (S, 3) of the table's light towards views (S, 3), at points with tints (S, 3)."""
         if self.tinted is None:
             return np.ones_like(tint)
         levels = len(self.tinted)
@@ -107,7 +108,7 @@ class LobeTable:
         return 1 + part * (tint - 1)
 
     def record(self) -> dict[str, Any]:
-        """Its numbers, beside the values."""
+        """Return the JSON form of all fields except `values`."""
         tinted = None if self.tinted is None else self.tinted.tolist()
         numbers = {"width": self.width, "period": self.period, "whole": self.whole, "cosine": self.cosine}
         return {**numbers, "tinted": tinted}
@@ -150,13 +151,13 @@ class LobeTable:
 
 @dataclass(frozen=True)
 class Rest(Derived):
-    """What a reflectance is without a `lobe`; has three channels."""
+    """A reflectance minus its `lobe`, in three channels."""
 
     lobe: LobeTable
 
     @property
     def channels(self) -> tuple[str, ...]:
-        """Those of the lobe."""
+        """Return the channels of the lobe."""
         return self.lobe.channels
 
     @answering_in_kind
@@ -166,7 +167,7 @@ class Rest(Derived):
 
 
 def without_lobe(reflectance: Reflectance, lobe: LobeTable) -> Reflectance:
-    """What a reflectance is without a lobe; of a material with a texture each part without its part of the lobe."""
+    """Return a reflectance minus a lobe; for a textured material, each part minus its part of the lobe."""
     if not isinstance(reflectance, Tinted):
         return Rest(reflectance, lobe)
     assert lobe.tinted is not None
@@ -249,7 +250,7 @@ def _tabulated(
 
 
 def half_width(reflectance: Reflectance) -> float:
-    """The least |s| of 8 azimuths at which the lobe has fallen to half of its height above the least f, from 29°."""
+    """Return the least |s| over 8 azimuths where the lobe, seen from 29°, is half as high above the least f."""
     wo = from_spherical(*torch.tensor([_HALF_VIEW, 0.0], dtype=torch.float64))[None]
     found = []
     for k in range(_HALF_AZIMUTHS):

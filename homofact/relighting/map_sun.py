@@ -1,10 +1,10 @@
 """The sun in an environment map, taken out of it as a light of its own.
 
-A sun is where the map's brightest texel is more than `CONTRAST` times as bright as the ring of `RING` degrees round it,
-and what is that bright within the ring sends at least `SHARE` of all the map's light. A small lamp is such a sun too:
-all light of a map is infinitely far away. What exceeds the ring's median becomes the sun: its direction is that of the
-mean flux, its disc as large as the effective solid angle of its texels, (Σe)²/Σ(e²/Ω), e the flux of each. The median
-stays in the map.
+homofact looks for a sun at the map's brightest texel. Texels inside the ring of `RING` degrees around it belong to the
+sun if they are more than `CONTRAST` times as bright as the ring's median. There is a sun if their excess over the
+median is at least `SHARE` of all light of the map. A small lamp also becomes a sun, since all light of a map is
+infinitely far away. The excess is the light of the sun. The direction of the sun is that of the mean flux, and its disc
+has the effective solid angle of its texels, (Σe)²/Σ(e²/Ω), e the flux of each. The median stays in the map.
 """
 
 import math
@@ -23,7 +23,7 @@ CONTRAST, SHARE, LARGEST = 10.0, 0.05, 7.0
 def separate_sun(light: EnvironmentMap, radius: float | None = None) -> tuple[EnvironmentMap, Sun | None]:
     """(The map without its sun, the sun), or the map as it is and None.
 
-    `radius` in radians is that of the disc, instead of the one in the map.
+    `radius`, in radians, replaces the radius of the disc that the map gives.
     """
     rows, columns, _ = light.radiance.shape
     values = light.radiance.expand(-1, -1, 3).reshape(-1, 3).numpy()

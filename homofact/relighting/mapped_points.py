@@ -1,4 +1,4 @@
-"""Points of a surface as a normal map has them: the frames that they are shaded in, and the view there."""
+"""Points of a surface with a normal map: their shading frames, and the view directions in these frames."""
 
 import numpy as np
 
@@ -18,9 +18,10 @@ def bent_back(normals: np.ndarray, towards: np.ndarray) -> np.ndarray:
 def mapped_points(
     bumps: SurfaceNormals | None, corners: np.ndarray, shares: np.ndarray, normals: np.ndarray, towards: np.ndarray
 ) -> SurfacePoints:
-    """Points mixed of `corners` (S, 3) by `shares` (S, 3), with unit `normals` (S, 3), seen from `towards` (S, 3).
+    """Return points with mapped normals, interpolated from `corners` (S, 3) with the weights `shares` (S, 3).
 
-    A mapped normal that is turned away from the viewer is bent back until it is seen, so that no point is black.
+    `normals` (S, 3) are the surface's unit normals, and `towards` (S, 3) the directions to the viewer. A mapped normal
+    that faces away from the viewer is bent towards the viewer, so that no point is black.
     """
     shown = normals if bumps is None else bent_back(bumps.between(corners, shares, normals), towards)
     rows = frames(shown)

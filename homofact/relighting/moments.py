@@ -1,8 +1,8 @@
 """Integrals of a reflectance against smooth functions of direction, however sharp its lobe.
 
-For each angle of the light the nodes crowd towards the plane of incidence, on both sides, and towards the light's own
-angle, from both sides: the mirror direction and the light's, where lobes are, lie in corners where the nodes' distances
-fall with the cube. 48 × 48 nodes resolve a lobe of a thousandth of a radian.
+For each angle of the light, the nodes are dense on both sides of the plane of incidence and on both sides of the
+light's own angle. Lobes lie at the mirror direction and at the light's direction. Both are corners of the grid, near
+which the distances between nodes shrink cubically. 48 × 48 nodes resolve a lobe of a thousandth of a radian.
 """
 
 import math
@@ -32,8 +32,8 @@ def moments(
 
     (∫ f p_q(θo) exp(−imφ) (m, T, rings, C), ∫ Σ_c f² (T,)).
     p_q are the polynomials through the grid's rings, m goes below half its turns. `swapped` integrates over ωi for a
-    view from θ at azimuth 0 instead, against exp(+imφ). An `even` f is asked on one side of the plane alone,
-    and its integrals are real. Raises BadInput for values that are not finite.
+    view from θ at azimuth 0 instead, against exp(+imφ). An `even` f is evaluated on one side of the plane of incidence
+    only, and its integrals are real. Raises BadInput for values that are not finite.
     """
     # As many as the waves of the highest order need in the middle, where the nodes are far apart.
     crowded, weights = _crowded(max(_NODES, grid.turns // 2))

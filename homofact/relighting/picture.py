@@ -1,10 +1,10 @@
 """Pictures of relit objects: the first triangle along each pixel's rays, its vertices' light mixed over it.
 
-As a graphics card does with colours at vertices, and as Wang et al. show their results. A separate lobe is summed at
-each pixel itself: between vertices its normal turns by more than it is wide. Where the corners of a triangle see
-different parts of the sky, rays find what the pixel sees. Suns and their shadows are computed for each ray, and so are
-lamps. There are four rays per pixel, and the background is the environment itself with the suns' discs. Lamps
-themselves are seen before what is behind them.
+A graphics card interpolates colours of vertices in this way, and Wang et al. show their results so. A separate lobe is
+summed at each pixel, because between vertices the normal turns by more than the lobe's width. Where the corners of a
+triangle see different parts of the sky, rays find what the pixel sees. Suns and their shadows are computed for each
+ray, and so are lamps. There are four rays per pixel, and the background is the environment itself with the suns' discs.
+The pictures show the lamps, which hide what is behind them.
 """
 
 from collections.abc import Sequence
@@ -38,11 +38,11 @@ def picture(
     light: EnvironmentMap,
     lit: Sequence[LitObject] = (),
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(radiance (H, W, 3) float64, the part of each pixel that objects cover (H, W)).
+    """Return (radiance (H, W, 3) float64, coverage of each pixel by objects (H, W)).
 
-    `colours` are the vertices' radiance (V, 3) towards the camera; `occluder` holds the meshes in this order. The lobes
-    and the suns and lamps of the objects that are `lit`, in this order too, are added pixel by pixel, and textures are
-    read at each of its rays. A level plane ends softly.
+    `colours` are the vertices' radiance (V, 3) towards the camera; `occluder` holds the meshes in this order. The
+    objects in `lit`, in the same order, add their lobes, suns and lamps per pixel, and their textures are read for each
+    ray. A level plane ends softly.
     """
     w = camera.rays(_RAYS)
     shape = w.shape[:3]
@@ -110,10 +110,10 @@ def _lobe(lit: LitObject, points: SurfacePoints, rays: np.ndarray, samples: int,
 def surface_points(
     mesh: Mesh, triangles: np.ndarray, shares: np.ndarray, towards: np.ndarray, bumps: SurfaceNormals | None = None
 ) -> SurfacePoints:
-    """Points on `triangles` (S,) of a mesh by their corners' `shares` (S, 3), seen from `towards` (S, 3).
+    """Return points on `triangles` (S,) of a mesh with barycentric weights `shares` (S, 3).
 
-    A normal between vertices that is turned away, at an outline, is bent back until it is seen. `bumps` is the mesh's
-    normal map.
+    `towards` (S, 3) are the directions to the viewer. An interpolated normal that faces away, as at an outline, is bent
+    towards the viewer. `bumps` is the mesh's normal map.
     """
     corners = mesh.triangles[triangles]
     normals = (mesh.normals[corners] * shares[..., None]).sum(1)

@@ -1,10 +1,11 @@
-"""No more than a scene needs: form, K, size of the maps and N of an object, by a tolerance on the light it sends back.
+"""Choose the form, terms, map size and coefficients of an object's transport from a light tolerance.
 
-Candidates are numbers of terms whose own expected error (`factoring`, under the scene's light) is part of the
-tolerance, on maps of each of `SIZES`, in two forms: wavelets of all frequencies, of which as many are kept as the rest
-of the tolerance asks for, and harmonics of low order, where what they lose is within it. Errors of different origin add
-up in squares. All but the terms' own is measured at `SPOTS` vertices that the first camera sees (`probe`); the error
-times `MARGIN` has to be within the tolerance, since other vertices are not those. The fewest bytes win.
+A candidate has a number of terms K, a map size from `SIZES` and a form. K is such that the expected error of the terms
+alone (`factoring`, under the scene's light) uses a part of the tolerance. The form is either wavelets of all
+frequencies, with as many coefficients as the rest of the tolerance needs, or harmonics of low order, if their error is
+within the rest. The squares of the errors add up. All errors except that of the terms are measured at `SPOTS` vertices
+that the first camera sees (`probe`). The error times `MARGIN` must be within the tolerance, because errors at other
+vertices differ. The candidate with the fewest bytes is chosen.
 """
 
 import math
@@ -39,11 +40,11 @@ _MOST_WEIGHTS = 64
 
 @dataclass(frozen=True)
 class PlannedTransport:
-    """A way to hold an object's transport, its bytes and the error that is expected of it.
+    """One way to store an object's transport, with its bytes and its expected error.
 
-    `order` is of the harmonics, None for all frequencies; `tolerance` what of a vertex's root sum square is left out,
-    `coefficients` how many numbers a vector has on average. `of_terms`, `of_maps` and `of_transport` are the errors
-    whose root sum square `error` is, with `of_lobe` where a lobe is separate, as it is summed.
+    `order` is the order of the harmonics, None for wavelets of all frequencies. `tolerance` is the share of a vertex's
+    root sum square that is left out, and `coefficients` the mean number of coefficients per vector. `error` is the root
+    sum square of `of_terms`, `of_maps`, `of_transport` and, for a separate lobe, `of_lobe`.
     """
 
     terms: int
@@ -75,7 +76,7 @@ class PlannedTransport:
 
 @dataclass(frozen=True)
 class ObjectPlan:
-    """What was considered of an object, cheapest first, the one chosen, and its factors."""
+    """The candidates for an object, cheapest first, with the chosen one and its factors."""
 
     name: str
     material: str
@@ -91,7 +92,7 @@ class ObjectPlan:
 
     @property
     def warning(self) -> str | None:
-        """A line where it is not."""
+        """Return a warning line if the tolerance is not met, else None."""
         if self.met:
             return None
         return (
@@ -100,7 +101,7 @@ class ObjectPlan:
         )
 
     def settings(self, scene: TransportSettings) -> TransportSettings:
-        """How its transport is to be made."""
+        """Return the settings for the object's transport."""
         return TransportSettings(scene.cube, scene.rays, scene.kept, self.chosen.tolerance)
 
     def record(self) -> dict[str, Any]:
@@ -127,10 +128,10 @@ def plan_object(
     seed: int = 0,
     lobe: str = AUTO,
 ) -> ObjectPlan:
-    """Choose for one object of a scene; `terms` fixes K. `reflected` is the tolerance, of `settings` the cube counts.
+    """Choose the transport of one object; `terms` fixes K. `reflected` is the tolerance.
 
-    A `lobe` that is "auto" is separate where more than `MOST_SHARED` terms would be needed. Raises BadInput as
-    `factored_material.factored` and where no light reaches the vertices drawn.
+    Of `settings`, only `cube` matters. If `lobe` is "auto", the lobe is separate if more than `MOST_SHARED` terms would
+    be needed. Raises BadInput as `factored_material.factored` and where no light reaches the vertices drawn.
     """
     allowed = reflected / MARGIN
     error = _PARTS[-1] * allowed if terms is None else None
@@ -198,7 +199,7 @@ class _Considered:
 
 
 def candidate_terms(factors: InOutFactors, allowed: float) -> list[int]:
-    """Numbers of terms, rising, whose own error takes a part of what is allowed; all that there are where none does."""
+    """Return ascending numbers of terms whose error is one of several parts of `allowed`; else all terms."""
     left = 1 - (factors.beside + factors.strength.astype(np.float64).cumsum()) / factors.energy
     # A pair is kept whole: its two strengths are the same number.
     whole = np.append(factors.strength[1:] != factors.strength[:-1], True)

@@ -69,8 +69,8 @@ class TransportSettings:
 class WaveletTransport:
     """Sparse transport of V vertices by K terms, in Haar coefficients of a cube map.
 
-    Vector r = v·K + k has the places `index` and numbers `number` from `start[r]` to `start[r + 1]`, times `scale[r]`.
-    `positions` (V, 3), `frames` (V, 3, 3) rows tangent, binormal, normal, float32.
+    Vector r = v·K + k consists of entries `start[r]` to `start[r + 1]`: the coefficients `number` times `scale[r]`, at
+    the indices `index`. `positions` (V, 3), `frames` (V, 3, 3) rows tangent, binormal, normal, float32.
     """
 
     positions: np.ndarray
@@ -94,7 +94,7 @@ class WaveletTransport:
 
     @property
     def mean_kept(self) -> float:
-        """Coefficients a vector, on average."""
+        """Return the mean number of coefficients per vector."""
         return len(self.index) / max(len(self.scale), 1)
 
     def vector(self, vertex: int, term: int) -> np.ndarray:
@@ -110,7 +110,7 @@ class WaveletTransport:
 class TransportCost:
     """What a precomputation will take: rays, the largest size of the result and the peak of memory, in bytes.
 
-    `disk_bytes` is what its blocks take, with the files that they are strung together in; 0 without a folder.
+    `disk_bytes` is the size of the blocks and of the files into which they are joined; 0 without a folder.
     """
 
     rays: int
@@ -119,7 +119,7 @@ class TransportCost:
     disk_bytes: int = 0
 
     def describe(self) -> str:
-        """In words, before it starts."""
+        """Describe the cost in one line, to be printed before tracing."""
         disk = f" and {self.disk_bytes / 1e6:.0f} MB of disk for blocks" if self.disk_bytes else ""
         millions = self.rays / 1e6
         rays = f"{millions:.0f}" if millions >= 10 else f"{millions:.2g}"
@@ -130,9 +130,9 @@ class TransportCost:
 
 
 def cost(vertices: int, terms: int, settings: TransportSettings, on_disk: bool = False) -> TransportCost:
-    """What `transport` of so many vertices and terms will take, at most; `on_disk` with a folder for its blocks.
+    """Return upper bounds of the cost of `transport`; `on_disk` if its blocks are stored in a folder.
 
-    Memory beside the program's own, the mesh's and Embree's.
+    The memory excludes that of the program, the mesh and Embree.
     """
     texels = cube.FACES * settings.cube**2
     kept = texels if settings.tolerance is not None else settings.kept
@@ -156,12 +156,12 @@ def transport(
     between: Interreflection | None = None,
     sight: VertexSight | None = None,
 ) -> WaveletTransport:
-    """The transport of every vertex of a mesh among everything that `occluder` holds.
+    """Compute the transport of every vertex of a mesh; everything in `occluder` casts shadows.
 
-    `folder` keeps finished blocks for a later run; blocks of another mesh, material or setting are refused by name.
-    `progress` is called with (blocks done, blocks). `between` has the light between surfaces where the factors have
-    terms for it. `sight` is what the vertices see, if that is known; rays find it otherwise.
-    Raises BadInput for such a folder.
+    `folder` keeps finished blocks for a later run; `progress` is called with (blocks done, blocks). `between` is the
+    interreflected light; it is needed if the factors have terms for it. `sight` is the visibility of the vertices, if
+    it is known; otherwise rays are traced. Raises BadInput if the folder has blocks of another mesh, material or
+    setting.
     """
     if not len(mesh.positions) or not np.isfinite(mesh.positions).all() or not np.isfinite(mesh.normals).all():
         found = "no vertices" if not len(mesh.positions) else "positions or normals that are not finite"

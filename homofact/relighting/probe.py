@@ -1,9 +1,9 @@
-"""What each approximation of an object would cost it, measured at a few of its vertices before any transport is made.
+"""The error of each approximation of an object, measured at a few vertices before transport is computed.
 
 At each vertex the transport of all terms is computed once. Its coefficients are counted by magnitude and by groups of
 terms (`kernels.binned`), so that the error and the size of every number of terms at every threshold are sums of bins.
-The light is the scene's in four turns about y, which share the vertices: a lamp that is mirrored at none of them in one
-turn is in another. Errors are relative RMS over vertices, turns and channels, as in `ledger`.
+The light is the scene's light in four rotations about y, at the same vertices. A lamp that no vertex mirrors in one
+rotation may be mirrored in another. Errors are relative RMS over vertices, rotations and channels, as in `errors`.
 """
 
 import math
@@ -45,11 +45,12 @@ class ProbedVertices:
 
 @dataclass(frozen=True)
 class ProbedErrors:
-    """By groups of terms, the first g + 1 of them together: (G,) of everything.
+    """Errors by groups of terms: index g of each array is for the terms of the first g + 1 groups together.
 
-    `maps` (G, M) is the error of maps of each size against the last; `counts` (S, G, B) coefficients of the bins,
-    `squares` alike; `sent` (S, G, B, T·3) the light of each; `smooth` (S, G, N, T·3) the light by harmonics up to each
-    order of `orders`. `share` is what `beside` says.
+    `maps` (G, M) is the error of maps of each size against the last; `counts` and `squares` (S, G, B) are the number of
+    coefficients in each of B bins and the sum of their squares. `sent` (S, G, B, T·3) is their reflected light under T
+    rotations of the light. `smooth` (S, G, N, T·3) is the light by harmonics up to each of the N `orders`. `share` is
+    the argument of `beside`.
     """
 
     maps: np.ndarray
@@ -61,11 +62,11 @@ class ProbedErrors:
     share: float = 1.0
 
     def beside(self, share: float) -> "ProbedErrors":
-        """The same where the light is this share of what a vertex sends, root mean squares."""
+        """Return the errors relative to all light, of which this light is the RMS share `share`."""
         return replace(self, maps=self.maps * share, share=share)
 
     def harmonics(self, group: int) -> np.ndarray:
-        """Errors (N,) of harmonics up to each order, of the first `group` + 1 groups' terms."""
+        """Return the errors (N,) of harmonics up to each order, for the terms of the first `group` + 1 groups."""
         whole = self.sent[:, group].sum(1)
         return self.share * np.array([_relative(self.smooth[:, group, n], whole) for n in range(len(self.orders))])
 
@@ -101,9 +102,10 @@ def measured(
     size: int,
     orders: Sequence[int],
 ) -> ProbedErrors:
-    """Measure the same terms on maps of several sizes, the vectors on the one at `at`, on cube maps of `size` texels.
+    """Measure the same terms on maps of several sizes; transport vectors use the maps at index `at`.
 
-    `groups` (K,) is each term's group, rising. Raises BadInput where no light reaches the vertices.
+    Cube maps have `size` texels along a face. `groups` (K,) is each term's group, in ascending order. Raises BadInput
+    where no light reaches the vertices.
     """
     count, terms = int(groups.max()) + 1, sizes[0].terms
     radiance = [cube.environment_cube(light.turned(2 * math.pi * k / TURNS), size) for k in range(TURNS)]
@@ -162,9 +164,9 @@ def _relative(found: np.ndarray, truth: np.ndarray) -> float:
 def lobe_beside(
     probed: ProbedVertices, table: LobeTable, radiance: np.ndarray, rest: np.ndarray
 ) -> tuple[float, float]:
-    """(the rest's share of the light, the lobe's error), root mean squares over that of all light at the vertices.
+    """Return (RMS share of the rest, RMS error of the lobe), both relative to all light at the vertices.
 
-    `radiance` (6, n, n, 3) is the light; `rest` (S, 3) what the vertices send back of it without the lobe.
+    `radiance` (6, n, n, 3) is the light; `rest` (S, 3) is the part of it that the vertices reflect without the lobe.
     """
     which = probed.which
     seen = SeenVertices(probed.mesh, table, probed.occluder, np.full(3, np.inf), which, view=probed.wo)

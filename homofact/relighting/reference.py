@@ -44,7 +44,7 @@ Material = Reflectance | str | Path
 class Estimate:
     """`radiance` and its standard error `error`, both (V, 3) or (H, W, 3) linear, and what is `seen`, (V,) or (H, W).
 
-    Where nothing is seen both are 0.
+    Both are 0 where `seen` is false.
     """
 
     radiance: np.ndarray
@@ -61,7 +61,8 @@ class Estimate:
 class Geometry:
     """Plain arrays of a mesh: `positions`, unit `normals` (V, 3), `triangles` (T, 3), `tangents` (V, 3) or None.
 
-    Without tangents Wang's are taken (`meshes.tangents`). Raises BadInput for arrays that are no mesh.
+    Without tangents, those of Wang et al. are used (`meshes.tangents`). Raises BadInput if the arrays do not form a
+    mesh.
     """
 
     positions: np.ndarray
@@ -113,7 +114,7 @@ def vertex_radiance(
 ) -> Estimate:
     """Estimate the radiance of vertices towards a camera at `place`, by `repeats` independent runs of `samples` each.
 
-    The vertices are all, or those in `which` (S,), in its order. The standard error is that of the runs' mean.
+    These are all vertices, or those in `which` (S,), in that order. The standard error is that of the runs' mean.
     `material` is a `Reflectance` of R, G, B or one channel, or the path of an RGL file (`.bsdf`, by Mitsuba's
     `measured`, which takes the viewer for the file's ωi) or of a saved fit (by homofact's own material). `offset`
     defaults to that of `meshes.occlusion`. Raises MissingDependency without Mitsuba, BadInput for bad numbers and for
@@ -164,7 +165,7 @@ def picture(
     repeats: int = 2,
     seed: int = 0,
 ) -> Estimate:
-    """The mesh before the map as `camera` sees it, by Mitsuba's `direct` integrator: (H, W, 3), box filter.
+    """Render the mesh in front of the map by Mitsuba's `direct` integrator: (H, W, 3), box filter.
 
     As `scene_picture` of one object with no bounce.
     """
@@ -181,7 +182,7 @@ def scene_picture(
     bounces: int = 0,
     lamps: Sequence[Lamp] = (),
 ) -> Estimate:
-    """Objects before the map as `camera` sees them: (H, W, 3), box filter; by `path` where there are `bounces`.
+    """Render objects in front of the map: (H, W, 3), box filter; with `bounces`, by the `path` integrator.
 
     `lamps` are spheres that emit light; here they also block it.
 

@@ -1,9 +1,9 @@
 """Light and view changes of precomputed transport: the run time of Wang, Tran and Luebke 2004 (4)–(6).
 
-A light change gives every vertex and term the scalar product of its transport with the light, the K-tuple of the
-vertex; a view change only looks up the view maps and sums K products a vertex. A change of light can be brought in
-piece by piece, the largest coefficients of the change first (Overbeck et al. 2006): the picture then converges to the
-exact one, and is exact once all are in.
+When the light changes, homofact computes the scalar product of each transport vector with the light. The K products of
+a vertex are its K-tuple. When the view changes, homofact only looks up the view maps and sums K products per vertex. A
+change of light can be applied in steps, the largest coefficients of the change first (Overbeck et al. 2006). The
+picture then converges to the exact one.
 """
 
 import os
@@ -31,7 +31,7 @@ Light = EnvironmentMap | np.ndarray | str | os.PathLike[str]
 
 
 def opened_light(light: Light) -> EnvironmentMap | np.ndarray:
-    """The light, opened where it is a .hdr or .exr file or a built-in one's name. Raises BadInput for no light."""
+    """Return the light; open it if it is a .hdr or .exr file or a built-in name. Raises BadInput otherwise."""
     if isinstance(light, str | os.PathLike):
         return open_environment(os.fspath(light))
     if not isinstance(light, EnvironmentMap | np.ndarray):
@@ -42,8 +42,8 @@ def opened_light(light: Light) -> EnvironmentMap | np.ndarray:
 def light_cube(light: Light, size: int) -> np.ndarray:
     """Radiance (6, n, n, 3) of an environment map on a cube map, or the cube map that is given.
 
-    Raises BadInput for what is no light, and for a cube map of another shape or with values that are negative or not
-    finite.
+    Raises BadInput if `light` is not a light, and for a cube map of another shape or with values that are negative, not
+    finite or above 1e32.
     """
     opened = opened_light(light)
     given = opened if isinstance(opened, np.ndarray) else cube.environment_cube(opened, size)
@@ -87,7 +87,7 @@ class Relit:
     """An object under a light: `tuples` (V, K, 3), Σ over the light of each transport vector, and views of it.
 
     A light is an `EnvironmentMap`, a cube map of radiance (6, n, n, 3), a .hdr or .exr file, or the name of one of
-    `scene.lighting.NAMED` that is a map. A separate `lobe` has the light as soon as it is named.
+    `scene.lighting.NAMED` that is a map. A separate `lobe` uses a new light from the call of `relight` or `ask` on.
     """
 
     def __init__(self, transport: WaveletTransport, lobe: SeparateLobe | None = None) -> None:
@@ -100,13 +100,13 @@ class Relit:
         self.tuples = np.zeros((transport.vertices, transport.factors.terms, 3), np.float32)
 
     def relight(self, light: Light) -> None:
-        """Change to another light at once, from nothing."""
+        """Change to another light in one step, with all sums computed anew."""
         self._light = self._named(light)
         self._target = None
         self._sum()
 
     def ask(self, light: Light) -> None:
-        """Name the light that `step` will lead to."""
+        """Set the light that `step` approaches."""
         self._target = self._named(light)
         self._change = self._target - self._light
         size = np.abs(self._change).max(1) * self._columns[3]
@@ -114,9 +114,10 @@ class Relit:
         self._order = np.argsort(-size, kind="stable")[: np.count_nonzero(size)]
 
     def step(self, coefficients: int = 64) -> int:
-        """Bring in the largest so many of the change, weighted by how much transport they reach; (how many are left).
+        """Apply the largest `coefficients` of the change, weighted by their transport; return how many are left.
 
-        Once none is left the light is exactly the one asked for; sums of float32 changes are then made anew.
+        When none is left, the light is the one of `ask`, and all sums are computed anew, without the rounding of the
+        steps.
         """
         if coefficients < 1:
             raise BadInput(where="coefficients", found=coefficients, expected="at least 1")

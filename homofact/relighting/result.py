@@ -57,13 +57,13 @@ class RelightResult:
     report : dict
         The JSON form, as in the folder's relight.json.
     reference : tuple of ndarray or None
-        Each object's light (V, 3) towards the first camera by the dense sum, NaN where it is not seen.
+        Each object's radiance (V, 3) towards the first camera, summed over all texels, NaN at invisible vertices.
     pictures : tuple of ndarray
         8-bit sRGB (H, W, 3) of every camera; none where the scene was read from its folder.
     plans : tuple of ObjectPlan
         How each object's transport was chosen, where the scene has a tolerance.
     notes : tuple of str
-        What was found on the way, a line each.
+        Remarks on the scene, one line each.
     """
 
     name: str
@@ -85,14 +85,14 @@ class RelightResult:
         pictures: Sequence[np.ndarray] = (),
         reference: Sequence[np.ndarray] | None = None,
     ) -> "RelightResult":
-        """The result of a scene's file: its name, cameras and sky with what was made of it."""
+        """Make the result of a scene's file from the objects, report and pictures computed for it."""
         sky = page_sky(file.light.name, file.light, file.settings.cube)
         sums = None if reference is None else tuple(reference)
         return cls(file.name, tuple(objects), sky, file.cameras, report, sums, tuple(pictures))
 
     @property
     def nbytes(self) -> int:
-        """What relighting reads, of all objects."""
+        """Return the bytes of all objects that relighting reads."""
         return sum(thing.nbytes for thing in self.objects)
 
     @property
@@ -136,7 +136,7 @@ class RelightResult:
 
 
 def distinct_names(names: Sequence[str]) -> list[str]:
-    """The names, each that several objects have followed by its count: "ball (1)", "ball (2)"."""
+    """Return the names, with a counter after repeated names: "ball (1)", "ball (2)"."""
     return [
         name if names.count(name) == 1 else f"{name} ({names[: place + 1].count(name)})"
         for place, name in enumerate(names)

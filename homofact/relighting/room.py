@@ -1,6 +1,7 @@
-"""Whether a scene's transport fits into the memory and the disk that are there, asked before anything is traced.
+"""Check before tracing whether a scene's transport fits into the available memory and disk space.
 
-What `TransportSettings.kept` bounds is known beforehand. What a tolerance keeps is not: its bound refuses nothing.
+With `TransportSettings.kept`, the size of the transport is known in advance and is checked. With a tolerance it is not
+known, so its upper bound does not reject a scene.
 """
 
 import shutil

@@ -1,7 +1,7 @@
-"""The schema of a relit scene's archive: what is in it, checked whole when it is read, before anything uses it.
+"""The schema of a relit scene's archive, which is validated completely before anything uses it.
 
-Compiled loops and the page take what these arrays say without another look: places lie within what they name, vectors
-follow one another, numbers are finite and of a size that a scene's can have.
+Compiled loops and the page use these arrays without further checks. This module therefore checks that indices are in
+range, that vectors are contiguous, and that numbers are finite and of plausible size.
 """
 
 import math
@@ -61,15 +61,15 @@ class Part:
         return self._arrays.stored(self._prefix + name, dtype, shape, least, most)
 
     def rotations(self, name: str, count: int) -> np.ndarray:
-        """So many rotations."""
+        """Return `count` rotations."""
         return self._arrays.rotations(self._prefix + name, np.float32, count)
 
     def inner(self, prefix: str) -> "Part":
-        """Those under a longer prefix."""
+        """Return the arrays under a longer prefix."""
         return Part(self._arrays, self._prefix + prefix)
 
     def refuse(self, name: str, found: str, expected: str) -> BadInput:
-        """What is wrong with an array."""
+        """Return the BadInput that describes what is wrong with an array."""
         return BadInput(f"{self._prefix}{name} {found}", where=self._arrays.path, expected=expected)
 
 
@@ -183,7 +183,7 @@ def read_cameras(fields: Fields) -> tuple[Camera, ...]:
 
 
 def read_references(arrays: Arrays, objects: tuple[RelitObject, ...]) -> tuple[np.ndarray, ...] | None:
-    """Each object's light by the dense sum, NaN where it is not seen; None where there is none. Raises BadInput."""
+    """Return each object's exact radiance, NaN at invisible vertices; None if not stored. Raises BadInput."""
     if "reference_0" not in arrays:
         return None
     return tuple(

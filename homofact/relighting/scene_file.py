@@ -93,14 +93,14 @@ class RelightObjectTable(_TermRule, ObjectTable):
     """One object, with the rule for its in-out factors."""
 
     def part(self, mesh: str, several: bool) -> Self:
-        """Return the table of a part: of several, each has its own name behind the object's."""
+        """Return the table of a part; if there are `several`, the name of the part follows the object's."""
         found = super().part(mesh, several)
         return replace(found, name=f"{self.name} {split_member(mesh)[1]}") if self.name and several else found
 
 
 @dataclass(frozen=True)
 class RelightGroundTable(_TermRule, GroundTable):
-    """The plane under the objects, with the same."""
+    """The plane under the objects, with the same rule for its in-out factors."""
 
 
 @dataclass(frozen=True)
@@ -162,7 +162,7 @@ class RelightSceneTable(SceneTable):
 
 @dataclass(frozen=True)
 class RelightSceneFile:
-    """What is relit, as the file says; sources and meshes are findable from the working folder."""
+    """The scene to relight, as in its file; paths of sources and meshes are relative to the working folder."""
 
     name: str
     objects: tuple[RelightObjectTable, ...]
@@ -181,7 +181,7 @@ class RelightSceneFile:
 
     @property
     def lights(self) -> tuple[RoundLight, ...]:
-        """What shines beside the sky: suns, then lamps."""
+        """Return the lights beside the sky: suns, then lamps."""
         return (*self.suns, *self.lamps)
 
 

@@ -1,4 +1,4 @@
-"""Which scenes are ones of relighting: told from the file alone, before anything that relights is loaded."""
+"""Recognise relighting scenes from the file alone, before the relighting code is loaded."""
 
 from pathlib import Path
 
@@ -11,6 +11,6 @@ def is_relight_scene(path: Path) -> bool:
     Raises
     ------
     BadInput
-        For what is no TOML.
+        If the file is not TOML.
     """
     return "object" in read_toml(path, "a scene in TOML")

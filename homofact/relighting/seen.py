@@ -42,9 +42,9 @@ RIM = 0.2  # the rim is where cosθo is below this: 4% of a sphere's picture
 class SeenVertices:
     """Vertices that an eye sees, with the inputs to the sum of their light.
 
-    `weights` (S,) are their parts of the picture (default: equal); `view` (S, 3) is the view in their frames, where it
-    is not the eye's; `tints` (V, 3) are those of a texture at all vertices of the mesh, and `mapped` (V, 3) the unit
-    normals of a normal map. Light arrives above the mesh's own normals.
+    `weights` (S,) are their shares of the picture (default: equal). `view` (S, 3) gives directions to the viewer in
+    their frames, instead of those to the eye. `tints` (V, 3) are the tints of a texture at all vertices of the mesh,
+    and `mapped` (V, 3) the unit normals of a normal map. Light arrives above the mesh's own normals.
     """
 
     mesh: Mesh
@@ -72,7 +72,7 @@ class SeenVertices:
         self.wo = np.einsum("vij,vj->vi", self.rows, towards)
 
     def dense(self, light: np.ndarray, size: int, reflectance: Reflectance | None = None) -> np.ndarray:
-        """The sum over all texels (S, 3) for a cube map of radiance (6, n, n, 3) and the reflectance, or another."""
+        """Return the sum (S, 3) over all texels of a cube map (6, n, n, 3), by the own or another reflectance."""
         asked = self.reflectance if reflectance is None else reflectance
         tracer = Tracer(self.mesh, self.occluder, size)
         parts = _TexelParts.of(self.reflectance, size)
@@ -101,7 +101,7 @@ class SeenVertices:
 
     @property
     def normals(self) -> np.ndarray:
-        """The mesh's own at the vertices (S, 3), whatever a normal map says."""
+        """Return the mesh's own normals at the vertices (S, 3), without the normal map."""
         return self.mesh.normals[self.which]
 
     @property
@@ -112,7 +112,7 @@ class SeenVertices:
 
     @property
     def tint(self) -> np.ndarray | None:
-        """Of the vertices (S, 3)."""
+        """Return the tints of the vertices (S, 3)."""
         return None if self.tints is None else self.tints[self.which]
 
 
@@ -176,11 +176,11 @@ def seen_vertices(
     tint: SurfaceTint | None = None,
     bumps: SurfaceNormals | None = None,
 ) -> SeenVertices:
-    """So many vertices that face the eye and that nothing hides from it, drawn by the seed in proportion to their area.
+    """Draw `most` vertices that the eye sees, at random in proportion to their area in the picture.
 
-    One that takes much of the picture may be drawn several times. All of them, weighted, where `most` is None; with
-    `rim` those of the rim alone. `tint` is what a texture makes of the reflectance, `bumps` what a normal map makes of
-    the normals. Raises BadInput where the eye sees none.
+    A vertex that covers much of the picture may be drawn several times. If `most` is None, all visible vertices are
+    returned with weights. If `rim` is true, only vertices of the rim are used. `tint` is the effect of a texture on the
+    reflectance, and `bumps` a normal map. Raises BadInput if the eye sees no vertex.
     """
     point = np.asarray(eye, np.float64)
     towards = point - mesh.positions
@@ -212,7 +212,7 @@ def vertex_areas(mesh: Mesh, eye: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class SeenPixels:
-    """Pixels of a camera that see a mesh: the `points` there, and how each is mixed of the mesh's vertices.
+    """Pixels of a camera that see a mesh: their `points`, and the interpolation of each from the vertices.
 
     `numbers` (S,) count the pixels row by row from the top left.
     """
@@ -222,7 +222,7 @@ class SeenPixels:
     numbers: np.ndarray
 
     def lit_points(self, mesh: Mesh) -> LitPoints:
-        """Where rays to suns start, the pixels being those of `mesh`."""
+        """Return the origins of rays to suns, for pixels that show `mesh`."""
         return LitPoints.on(mesh, self.mixture, self.points.occluder.offset)
 
 
@@ -230,7 +230,7 @@ def seen_pixels(
     meshes: Sequence[Mesh], number: int, reflectance: Reflectance, occluder: Occluder, camera: Camera, most: int | None,
     seed: int = 0, *, tint: SurfaceTint | None = None, bumps: SurfaceNormals | None = None,
 ) -> SeenPixels:  # fmt: skip
-    """The camera's pixels that see a mesh, so many or all: `number` of the `meshes` of the occluder, in order.
+    """Return `most` or all of the camera's pixels that see mesh `number` of the occluder's `meshes`.
 
     Points and normals are interpolated; a pixel whose normal is turned away from the eye is left out. Raises BadInput
     where no pixel sees the mesh.

@@ -36,7 +36,7 @@ _LEAST_COSINE = 0.01
 
 @dataclass(frozen=True)
 class SendingSurfaces:
-    """Meshes in the occluder's order, each of its reflectance and with its texture's tint, under `lights` and a sky.
+    """Meshes in the occluder's order with their reflectances and texture tints, under `lights` and a sky.
 
     `bumps` are their normal maps.
     """
@@ -49,7 +49,7 @@ class SendingSurfaces:
     bumps: Sequence[SurfaceNormals | None] | None = None
 
     def bounced(self, seen: SeenVertices, light: EnvironmentMap, nodes: int = NODES, inner: int = INNER) -> np.ndarray:
-        """Radiance (S, 3) towards the eye of light that reaches the points by way of one other surface."""
+        """Return the radiance (S, 3) towards the eye of light that reaches the points from one other surface."""
         radiance = cube.environment_cube(light, inner).reshape(-1, 3)
         angles = np.tile(cube.solid_angles(inner).reshape(-1), cube.FACES)
         lights = cube.directions(inner).reshape(-1, 3), radiance * angles[:, None]

@@ -1,11 +1,12 @@
-"""What vertices see of the sky: one bit per texel of a cube map, in words of which most are empty or full.
+"""The visibility of the sky at vertices: one bit per texel of a cube map, in 64-bit words.
 
 The cube map has at most `SIGHT` texels along a face, in the order of the cells of light (`lobe_light`): a word is a
-block of 8 × 8 texels. Nine words in ten are all 0 or all 1, under the horizon or in the open. `VertexSight` stores for
-each face which of its words are full, which are mixed, and the mixed ones alone: about a seventh of all words, and
-nothing is lost. The number of mixed words before one is a count of bits.
+block of 8 × 8 texels. Nine words in ten are all 0 or all 1, under the horizon or in the open. For each face,
+`VertexSight` stores two bit masks, of its full words and of its mixed words, and only the mixed words themselves. This
+compression to about a seventh is lossless. The position of a mixed word follows from counting the bits before it in the
+mask.
 
-The transport of the same vertices needs the same rays: it takes them from here (`VertexSight.texels`).
+The transport of the same vertices needs the same visibility, and reads it from `VertexSight.texels`.
 """
 
 import hashlib
@@ -39,7 +40,7 @@ _EXPECTED = "what vertices see, as homofact wrote it"
 
 
 class SightArrays(NamedTuple):
-    """`VertexSight` as a kernel takes it; `texels` are those of a face."""
+    """`VertexSight` as arrays for kernels; `texels` is the number of texels of a face."""
 
     full: np.ndarray
     mixed: np.ndarray
@@ -50,9 +51,10 @@ class SightArrays(NamedTuple):
 
 @dataclass(frozen=True)
 class VertexSight:
-    """The words of V vertices: of every face which are `full` and which `mixed`, both (V, 6) uint64, bit w for word w.
+    """The words of V vertices: masks of `full` and `mixed` words per face, (V, 6) uint64, bit w for word w.
 
-    The mixed `words` (M,) uint64 of a vertex's face lie from `starts` (V, 6) uint32 on. `count` are a face's words.
+    The mixed `words` (M,) uint64 of a face of a vertex begin at index `starts` (V, 6) uint32. `count` is the number of
+    words per face.
     """
 
     full: np.ndarray
@@ -63,7 +65,7 @@ class VertexSight:
 
     @classmethod
     def of(cls, words: np.ndarray) -> "VertexSight":
-        """Those of plain words (V, 6·n²/64), as `traced_sight` makes them."""
+        """Compress plain words (V, 6·n²/64) of `traced_sight`."""
         faces = words.reshape(len(words), cube.FACES, -1)
         place = np.arange(faces.shape[2], dtype=np.uint64)
         full, mixed = faces == _FULL, (faces != _FULL) & (faces != 0)
@@ -74,16 +76,16 @@ class VertexSight:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Of `plain`."""
+        """Return the shape of `plain`."""
         return len(self.full), cube.FACES * self.count
 
     @property
     def plain(self) -> np.ndarray:
-        """The words (V, 6·n²/64) uint64 that it was made of."""
+        """Return the uncompressed words (V, 6·n²/64) uint64."""
         return self._faces(self.full, self.mixed, self.words).reshape(len(self.full), -1)
 
     def texels(self, vertex: int) -> np.ndarray:
-        """What a vertex sees of each texel, 0 or 1, in the cube map's own order: (6·n²,) float32."""
+        """Return the visibility of each texel from a vertex, 0 or 1, in the cube map's order: (6·n²,) float32."""
         first = int(self.starts[vertex, 0])
         end = first + sum(int(mixed).bit_count() for mixed in self.mixed[vertex])
         faces = self._faces(self.full[vertex], self.mixed[vertex], self.words[first:end])
@@ -110,7 +112,7 @@ class VertexSight:
 
     @property
     def nbytes(self) -> int:
-        """Of all arrays."""
+        """Return the bytes of all arrays."""
         return self.full.nbytes + self.mixed.nbytes + self.starts.nbytes + self.words.nbytes
 
     @property
@@ -126,7 +128,7 @@ def traced_sight(
     which: np.ndarray | None = None,
     progress: Callable[[int, int], object] | None = None,
 ) -> np.ndarray:
-    """What every vertex sees, or those of `which` (S,): (S, 6·n²/64) uint64.
+    """Trace the sky's visibility at every vertex, or at those in `which` (S,): (S, 6·n²/64) uint64.
 
     n is the size of the cube map, at most `SIGHT`. `progress` is called with (blocks done, blocks).
     """
@@ -175,12 +177,12 @@ def kept_sight(
 
 
 def sight_words(size: int) -> int:
-    """Words a vertex for a cube map of so many texels along a face."""
+    """Return the words per vertex for a cube map of `size` texels along a face."""
     return cube.FACES * min(size, SIGHT) ** 2 // _WORD
 
 
 def most_sight_bytes(size: int) -> int:
-    """Bytes a vertex of `VertexSight`, at most: every word mixed, and two masks and a start per face."""
+    """Return the most bytes per vertex of `VertexSight`: all words mixed, two masks and a start per face."""
     return 8 * sight_words(size) + _FACE_BYTES * cube.FACES
 
 
@@ -205,7 +207,7 @@ def _word(sight, vertex, face, place):  # pragma: no cover (compiled)
 
 @kernel(nogil=True, inline="always")
 def seen_part(sight, vertex, face, place, size):  # pragma: no cover (compiled)
-    """The part that a vertex sees of `size` texels (a power of 4, or 1) of a face from `place` on."""
+    """Return the share that a vertex sees of `size` texels (1 or a power of 4) of a face, from index `place`."""
     if size == 1:
         return np.float32((_word(sight, vertex, face, place >> 6) >> np.uint64(place & 63)) & np.uint64(1))
     if size < 64:

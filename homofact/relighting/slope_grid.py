@@ -1,7 +1,7 @@
 """The grid of half vectors on which a lobe's table lies: nodes along the slope |s|, and nodes round the peak.
 
-A half vector with the slopes s = (hx, hy)/hz, turned so that the viewer's azimuth is 0, has two places from 0 to 1. The
-nodes lie evenly in both:
+A half vector with the slopes s = (hx, hy)/hz, turned so that the viewer's azimuth is 0, has two coordinates from 0 to
+1. The nodes are evenly spaced in both:
 
     along  = ln(1 + PEAK |s|/w)/ln(1 + PEAK FARTHEST/w),                                w a few widths of the lobe,
     around = (1 − p)/2,  or of a whole circle (1 − p)/4 where hy ≥ 0, (3 + p)/4 below;  p = sx/(|sx| + |sy|).
@@ -11,9 +11,9 @@ the grid ends at slopes of FARTHEST. Around: p falls from 1 to −1 over half a 
 no arc tangent; its steps are twice as wide in the middle of a quadrant as at its ends. A lobe that is the same on both
 sides of the plane of incidence needs half a circle.
 
-Lobes are nearly round: along a circle they change slowly, so that few nodes around leave many along. On a square grid
-of sx and sy, whose cells lie askew to the circles, errors between nodes would show as needles round the place of a ball
-that faces the viewer.
+Lobes are nearly round and change slowly along a circle. Few nodes around are therefore enough, and most nodes can lie
+along the slope. On a square grid of sx and sy, whose cells are not aligned with the circles, interpolation errors would
+show as needles around the point of a sphere that faces the viewer.
 """
 
 import math
@@ -25,7 +25,7 @@ PEAK, FARTHEST = 8.0, 20.0
 
 
 def places_of(slope: Tensor, width: float, whole: bool) -> tuple[Tensor, Tensor]:
-    """(along (N,), around (N,)), both from 0 to 1, of slopes (N, 2) on the grid of a width."""
+    """Return the coordinates (along (N,), around (N,)) from 0 to 1 of slopes (N, 2), on the grid for `width`."""
     along = torch.log1p(slope.norm(dim=1) * PEAK / width) / math.log1p(FARTHEST * PEAK / width)
     x, y = slope.unbind(1)
     # A half vector at the peak has any place around.
@@ -46,9 +46,10 @@ def node_slopes(along: int, around: int, width: float, whole: bool) -> Tensor:
 
 
 def fitted(values: Tensor, whole: bool) -> Tensor:
-    """Grids (..., along, around, C) less a twelfth of their second differences in both places, but by half at most.
+    """Subtract a twelfth of the second differences along both axes from grids (..., along, around, C).
 
-    A line between samples lies x(1 − x)/2 of these above a function, a twelfth on average.
+    Linear interpolation at x between two samples deviates from a function by x(1 − x)/2 of the second difference, on
+    average a twelfth. The change is at most half of the value.
     """
     bent = torch.zeros_like(values)
     bent[..., 1:-1, :, :] += values[..., 2:, :, :] - 2 * values[..., 1:-1, :, :] + values[..., :-2, :, :]

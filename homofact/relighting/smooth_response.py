@@ -39,14 +39,14 @@ def zernike(w: np.ndarray, order: int) -> np.ndarray:
 
 
 def mean_albedo(reflectance: Reflectance) -> np.ndarray:
-    """The part (C,) of even light that is sent back in all directions: ∫∫ f cosθi dωi cosθo dωo/π."""
+    """Return the share (C,) of uniform light that is reflected into all directions: ∫∫ f cosθi dωi cosθo dωo/π."""
     theta, weights = disc_nodes(_LEVELS)
     found = np.real(_responses(reflectance, theta.numpy(), 0)[:, :, 0]) * math.sqrt(math.pi)
     return (found.mean(1) * weights.numpy()[:, None]).sum(0)
 
 
 def smooth_response(reflectance: Reflectance, order: int, size: int) -> np.ndarray:
-    """h (J, M, M, C) float32 on parabolic maps of `size` texels along a side; beyond the rim that of the rim."""
+    """Return h (J, M, M, C) float32 on parabolic maps of `size` texels; beyond the rim, the value of the rim."""
     values = _responses(reflectance, np.minimum(2 * np.arctan(np.linspace(0, 1, _RADII)), _STEEPEST), order)
     azimuths = values.shape[1]
     u, v = texel_points(size).numpy().transpose(2, 0, 1)

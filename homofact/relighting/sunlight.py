@@ -1,11 +1,11 @@
 """Suns and lamps beside the sky of a relit scene: explicit lights with soft shadows, not texels of its cube map.
 
-A texel of a cube map of 64² is 1.4° wide, three times the sun: its shadow is too soft, and wavelets ring about it. So a
-sun is summed separately, and so is a lamp (`lamps`): L f(ω, ωo) cosθ over the cone that it fills (`cones`), times the
-visible part of that cone above the surface. f is read from tables (`lobe_table.sun_tables`), for the middle of the cone
-or, if the cone is wider than the lobe, for several of its directions. The visible part of the cone is traced once for
-every vertex, and in pictures for each ray of a pixel. A lobe narrower than a partly hidden disc mirrors one place of
-it: there pictures trace each direction.
+A texel of a cube map of 64² is 1.4° wide, three times the sun: the sun's shadow is too soft, and wavelets ring around
+the sun. So suns and lamps (`lamps`) are summed separately: L f(ω, ωo) cosθ over the cone that it fills (`cones`), times
+the visible part of that cone above the surface. f is read from tables (`lobe_table.sun_tables`), for the middle of the
+cone or, if the cone is wider than the lobe, for several of its directions. The visible part of the cone is traced once
+for every vertex, and in pictures for each ray of a pixel. A lobe narrower than a partly hidden disc reflects only a
+part of the disc. There, pictures trace a ray for each direction.
 """
 
 import math
@@ -65,17 +65,17 @@ class Sun:
     radius: float
 
     def cones(self, points: np.ndarray) -> LightCones:
-        """How points (S, 3) see it: all alike."""
+        """Return the cone of the sun, the same for all points (S, 3)."""
         count = len(points)
         middle, levels = (np.broadcast_to(each, (count, 3)) for each in (self.direction, self.irradiance))
         return LightCones(middle, np.full(count, self.radius), levels, np.full(count, np.inf))
 
     def radiance(self) -> np.ndarray:
-        """That of the disc (3,)."""
+        """Return the radiance of the disc (3,)."""
         return self.irradiance / (math.pi * math.sin(self.radius) ** 2)
 
     def describe(self) -> str:
-        """Where it stands and how large it is."""
+        """Describe the sun's elevation and diameter in degrees."""
         up = math.degrees(math.asin(float(self.direction[1])))
         return f"{up:.0f}° high and {2 * math.degrees(self.radius):.1f}° wide"
 
@@ -109,7 +109,7 @@ class Sunlight:
         occluder: Occluder,
         lamps: Sequence[Lamp] = (),
     ) -> "Sunlight":
-        """With what every vertex of a mesh sees."""
+        """Trace the visible part of each light at every vertex of a mesh."""
         origins = mesh.lit_at + occluder.offset * mesh.normals
         seen = LitPoints(origins, frames(mesh.normals)).seen((*suns, *lamps), occluder, SAMPLES)
         return cls(tuple(suns), tables, seen, tuple(lamps))
@@ -138,14 +138,14 @@ class Sunlight:
 
     @property
     def width(self) -> float:
-        """That of the material's lobe in radians."""
+        """Return the width of the material's lobe in radians."""
         return min(2 * self.tables[0].half_width, _BROADEST)
 
     def directions(self, light: RoundLight, positions: np.ndarray, most: int = MOST_DIRECTIONS) -> int:
-        """At how many directions of a cone f is evaluated: one if the cone is narrower than the lobe.
+        """Return how many directions of a cone to evaluate, at most `most`: 1 if the lobe is wider than the cone.
 
-        The same number for the whole object, whose vertices have `positions` (V, 3). With `most`, they follow the
-        lobe.
+        The number is the same for the whole object, whose vertices have `positions` (V, 3). If it is `most`, `at`
+        directs them to the lobe.
         """
         filled = math.pi * (float(light.cones(positions).radius.max()) / self.width) ** 2
         return 1 if filled <= _ENOUGH else min(max(math.ceil(4 * filled), LEAST_DIRECTIONS), most)
@@ -160,8 +160,9 @@ class Sunlight:
     ) -> np.ndarray:
         """Radiance (S, 3) of points that see the parts (S, Q) of the discs; `positions` (V, 3) are the vertices'.
 
-        `tint` (S, 3) is that of a texture. A lobe narrower than a disc mirrors one place of it, which may be hidden
-        though most of the disc is seen: with `sight`, rays find what of a partly hidden disc each direction sees.
+        `tint` (S, 3) is that of a texture. A lobe narrower than a disc reflects only a part of the disc, which may be
+        hidden although most of the disc is visible. With `sight`, homofact therefore traces a ray for each direction to
+        a partly hidden disc.
         """
         found, origins = np.zeros((len(seen), 3)), points.mixed(positions.astype(np.float64))
         for number, light in enumerate(self.lights):

@@ -1,4 +1,4 @@
-"""The pattern of texels in the mirror image of a sky: where a lobe is narrower than a texel of the cube map.
+"""The pattern of texels in the reflection of a sky if a lobe is narrower than a texel of the cube map.
 
 The light of a lobe is a sum over texels, each at its centre. A lobe narrower than the step d between centres is bright
 where a centre is mirrored and dark between: pictures show a grid of dots. The sum of Gaussians of the standard
@@ -38,7 +38,7 @@ def texel_ripple(half_width: float, size: int) -> float:
     Returns
     -------
     float
-        About 0 for lobes wider than a texel. The law holds up to about 3.
+        About 0 for lobes wider than a texel. The formula is accurate up to a ripple of about 3.
 
     Examples
     --------
@@ -78,7 +78,7 @@ def texel_divisions(half_width: float, size: int) -> int:
 
 
 def texel_note(name: str, half_width: float, size: int) -> tuple[str, ...]:
-    """A line on the pattern in pictures of an object of this name, if it is worth one although texels are divided."""
+    """Return a line about the pattern if an object's pictures show it although texels are divided."""
     ripple = texel_ripple(_OBLIQUE * half_width, size << texel_divisions(half_width, size))
     if ripple < _WORTH_A_NOTE:
         return ()

@@ -11,7 +11,7 @@ from homofact.relighting.kernels import place
 
 
 class TiltArrays(NamedTuple):
-    """`TiltedView` as the loop reads it; the view maps with a texel's numbers side by side, (M, M, K, C)."""
+    """`TiltedView` as arrays for the loop, with view maps (M, M, K, C)."""
 
     view: np.ndarray
     tilts: np.ndarray
@@ -22,9 +22,9 @@ class TiltArrays(NamedTuple):
 
 @kernel(nogil=True, parallel=True, fastmath=True)
 def shade_tilted(tuples, frames, corners, shares, normals, views, given, out):  # pragma: no cover (compiled)
-    """Radiance `out` (2, P, 3) of points, of the plain and the tinted terms, as `TiltedView.light` has it.
+    """Write the radiance of points by the plain and the tinted terms to `out` (2, P, 3), for `TiltedView.light`.
 
-    Each corner sees the normal in its own frame, and what the three send is mixed.
+    Each corner evaluates the mapped normal in its own frame, and the radiances of the three corners are interpolated.
     """
     view_maps, tilts, entries, most, tinted = given
     size, channels, nodes = view_maps.shape[0], view_maps.shape[3], tilts.shape[0]

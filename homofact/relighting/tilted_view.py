@@ -46,7 +46,7 @@ _RINGS, _SPOKES, _DEGREE = 20, 48, 8
 
 @dataclass(frozen=True)
 class TiltedView:
-    """What tilted normals make of the terms: `view` maps h (K, M, M, C), and `tilts` (T, T, S), functions H of n'.
+    """The effect of tilted normals on terms: `view` maps h (K, M, M, C), and functions H of n', `tilts` (T, T, S).
 
     Node (a, b) of the tilts is n' = (x, y, …) with x and y from −`reach` to `reach`. A row (j, k, s) of `entries`
     (E, 3) means that term j adds to view map k, times function s.
@@ -63,7 +63,7 @@ class TiltedView:
         return self.view.nbytes + self.tilts.nbytes
 
     def upright(self, terms: int) -> np.ndarray:
-        """The view maps (J, M, M, C) of so many terms where nothing is tilted."""
+        """Return the view maps (J, M, M, C) of `terms` terms for untilted normals."""
         found = np.zeros((terms, *self.view.shape[1:]), np.float32)
         middle = self.tilts[TILTS // 2, TILTS // 2]
         for j, k, s in self.entries.tolist():
@@ -80,11 +80,11 @@ class TiltedView:
         views: np.ndarray,
         tinted: np.ndarray,
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Radiance (P, 3) float32 of points, of the terms that no texture tints and of those that it does.
+        """Return two radiances (P, 3) float32 of points: by the untinted terms, and by the tinted terms.
 
-        `tuples` (V, J, 3) and `frames` (V, 3, 3) are the vertices'; points are mixed of `corners` (P, 3) by `shares`
-        (P, 3), and have mapped `normals` (P, 3) and `views` (P, 3) towards the eye, in the world. `tinted` (J,) are the
-        terms that a texture tints.
+        `tuples` (V, J, 3) and `frames` (V, 3, 3) are the vertices'; points interpolate `corners` (P, 3) with the
+        weights `shares` (P, 3). Their mapped `normals` (P, 3) and the directions `views` (P, 3) to the eye are in the
+        world frame. `tinted` (J,) are the terms that a texture tints.
         """
         out = np.zeros((2, len(normals), 3), np.float32)
         given = TiltArrays(
@@ -96,7 +96,7 @@ class TiltedView:
         return out[0], out[1]
 
     def with_bounce(self, factors: InOutFactors, colours: int) -> "TiltedView":
-        """The same with the terms of light between surfaces, of so many colours, that `factors` have behind theirs."""
+        """Return the same with the interreflection terms of `factors` appended, for `colours` colours."""
         first, last, parts = len(self.view), factors.direct, 2 if factors.tinted else 1
         size = factors.bounced // parts // colours
         order = next(n for n in range(size) if len(modes(n)) == size)
@@ -147,9 +147,9 @@ def rotation(x: float, y: float) -> np.ndarray:
 
 @one_thread
 def tilted(factors: InOutFactors, sines: np.ndarray, error: float = ERROR) -> tuple[InOutFactors, TiltedView]:
-    """(factors whose light maps serve tilted normals, what tilts make of them) of terms without interreflection.
+    """Return (factors with light maps for tilted normals, their `TiltedView`), without interreflection terms.
 
-    `sines` (N,) are those of the tilts that the normal map has. `error` is that of the tilted functions by themselves,
+    `sines` (N,) are the sines of the normal map's tilts. `error` is the allowed error of the tilted functions alone,
     relative to the light of the whole material.
     """
     reach = min(max(float(np.quantile(sines, 0.999)) + _MARGIN, _LEAST), MOST_REACH)

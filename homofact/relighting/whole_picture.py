@@ -31,7 +31,7 @@ _PART = 64  # pixels between two reports of progress
 
 @dataclass(frozen=True)
 class PictureLikeness:
-    """How near the whole picture is: relative RMS in linear light, and PSNR in dB and FLIP in [0, 1] as it is shown.
+    """How close a relit picture is to the exact one: relative RMS (linear), PSNR in dB and FLIP (tone-mapped).
 
     `pixels` are width and height; `flip` is None without the library that computes it.
     """
@@ -53,7 +53,7 @@ def picture_likeness(
     rows: int = ROWS,
     progress: Callable[[int, int], object] | None = None,
 ) -> PictureLikeness | None:
-    """Of the scene's first camera, at so many rows; None where it sees nothing.
+    """Compare pictures of the first camera, `rows` pixels high; None if it sees no object.
 
     `progress` is called with (pixels done, pixels).
     """

@@ -1,12 +1,12 @@
-"""A saved fit evaluated with NumPy alone, numba for many pairs: no torch, no colour science, no command line.
+"""Evaluate a saved fit with NumPy alone, or numba for many pairs: no torch, colour science or command line.
 
     from homofact import runtime
 
     paint = runtime.load("out/paint")  # the folder of a result or of an export, or a saved fit
     paint.evaluate(wi, wo)  # (..., C) in sr⁻¹, without the cosine
 
-`load` is `homofact.load`: of arrays and lists a fit needs what `homofact` needs to be imported, and of other packages
-NumPy (and numba, from `MANY` pairs of float32 on).
+`load` is `homofact.load`. To evaluate arrays and lists, a fit needs only the packages that `import homofact` needs,
+NumPy, and numba for `MANY` or more pairs of float32.
 """
 
 from homofact.api.loading import load

@@ -1,2 +1,1 @@
-"""What relighting, editing and planning share: objects in their places, cameras, lights, sources beside a scene's
-file."""
+"""Code shared by relighting, editing and planning: placed objects, cameras, lights and paths of sources."""

@@ -13,7 +13,7 @@ from homofact.settings.options import option
 class Camera:
     """A pinhole at `eye` that looks at `target`, y up: `field` degrees from top to bottom, `pixels` width, height.
 
-    Raises BadInput for places that are no points or the same, and for a field or a size out of bounds.
+    Raises BadInput if `eye` or `target` is not a point, if they are equal, and for a field or size out of bounds.
     """
 
     eye: tuple[float, ...]
@@ -52,6 +52,6 @@ class Camera:
 
 
 def check_point(name: str, point: tuple[float, ...]) -> None:
-    """Raise BadInput where `point` is none."""
+    """Raise BadInput if `point` is not a point."""
     if len(point) != 3 or not all(abs(number) < 1e6 for number in point):
         raise BadInput(where=name, found=list(point), expected="three numbers below a million")

@@ -41,12 +41,12 @@ class FileFit:
 
     @property
     def errors(self) -> dict[str, float | None]:
-        """How far the fit is from the file."""
+        """Return the errors of the fit against the file, as described above."""
         return self.fit.provenance[_FACTS]["errors"]
 
     @property
     def verdict(self) -> str | None:
-        """How far the fit can be trusted, in a sentence; None for a fit that an earlier version kept."""
+        """Return the verdict on the fit in a sentence; None for a fit saved by an earlier version."""
         return self.fit.provenance[_FACTS].get("verdict")
 
     def record(self) -> dict[str, Any]:
@@ -65,9 +65,9 @@ class FileFit:
 
 @dataclass
 class FileFits:
-    """The fits of a scene's files: read from `folder` where they are there, else made and, if `writes`, kept there.
+    """The fits of a scene's files, read from `folder` if present, else made and, if `writes`, saved there.
 
-    `progress` is called while one is made. `made` holds them by the words that name the file.
+    `progress` is called during a fit. `made` maps the name of each file to its fit.
     """
 
     folder: Path | None = None

@@ -52,7 +52,7 @@ def write_scene_folder(
 
 
 def read_scene_archive(file: Path, what: str) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-    """Return (arrays, header) of an archive, which messages call `what`. Raises BadInput for one that is damaged."""
+    """Return (arrays, header) of an archive, named `what` in messages. Raises BadInput if it is damaged."""
     raw = read_bytes(file, what)
     arrays = read_arrays(file, raw, member_names(file, raw, what), what)
     return arrays, read_header(file, arrays, what)

@@ -1,9 +1,10 @@
 """The light of a scene: lights for pictures, and energies by order for theory.
 
-The theory averages over all rotations of the lighting against the surface. With a lobe g(ωi) = f cosθi of one view, B =
-∫ L g has the mean square Σ_l E_l e_l/(2l+1), E_l = Σ_m L_lm² of the lighting and e_l = Σ_m g_lm² of the lobe: the cross
-terms of (3.5) vanish and every m has equal weight. An order that is absent from the lighting costs nothing, however
-sharp the lobe is. Orders up to `ORDER` are used; a directional light has equal energy in all of them (3.13).
+The theory averages over all rotations of the lighting against the surface. For a lobe g(ωi) = f cosθi of one view, B =
+∫ L g has the mean square Σ_l E_l e_l/(2l+1). Here E_l = Σ_m L_lm² is the energy of the lighting and e_l = Σ_m g_lm²
+that of the lobe: the cross terms of (3.5) vanish and every m has equal weight. An order that is absent from the
+lighting costs nothing, however sharp the lobe is. Orders up to `ORDER` are used; a directional light has equal energy
+in all of them (3.13).
 """
 
 import math
@@ -30,9 +31,9 @@ _ROWS = 64
 
 @dataclass(frozen=True)
 class Lighting:
-    """Distant light: `lights` in the frame of `rendering.light` (y up), `words` say what it is and from where.
+    """Distant light: `lights` in the frame of `rendering.light` (y up), described by `words`.
 
-    Raises BadInput where there is no light or all of it is 0.
+    Raises BadInput if there is no light or all radiance is 0.
     """
 
     name: str
@@ -48,12 +49,12 @@ class Lighting:
 
     @property
     def has_directional(self) -> bool:
-        """Whether a directional light is in it: then its spectrum does not decay."""
+        """Return whether it contains a directional light, whose spectrum does not decay."""
         return any(isinstance(each, DirectionalLight) and any(each.levels()) for each in self.lights)
 
     @property
     def reads(self) -> int:
-        """Directions that must be summed to light one point: the lights, or the texels of a map."""
+        """Return the number of directions in the light's sum at one point: the lights, or the texels of a map."""
         sizes = (each.radiance[..., 0].numel() if isinstance(each, EnvironmentMap) else 1 for each in self.lights)
         return sum(sizes)
 
@@ -83,7 +84,7 @@ class Lighting:
 
     @property
     def last_excited(self) -> int | None:
-        """The order l above which the spectrum holds under 1% of its energy; None where `ORDER` does not reach it."""
+        """Return the order l above which less than 1% of the energy lies; None if it is above `ORDER`."""
         if self.has_directional:
             return None
         above = 1 - self.energies.cumsum(0) / self.energies.sum()
@@ -92,15 +93,16 @@ class Lighting:
         return found if found < ORDER - 1 else None
 
     def describe_spectrum(self) -> str:
-        """In words, which orders the lighting cannot excite."""
+        """Describe which orders the lighting cannot excite."""
         if self.last_excited is None:
             return f"has energy in every order up to {ORDER}"
         return f"has less than 1% of its energy above order {self.last_excited}, so finer detail of a lobe is invisible"
 
     def irradiance(self, normals: Tensor, order: int | None) -> Tensor:
-        """∫ L max(n·ω, 0) dω at unit normals (N, 3), (N, C): by the harmonics up to `order` (3.10), or all of it.
+        """Return ∫ L max(n·ω, 0) dω (N, C) at unit normals (N, 3), by harmonics up to `order` (3.10) or by all orders.
 
-        "All" is exact for directional lights and up to `ORDER` for maps, where Lambert's filter falls like l^−5/2.
+        With all orders, the result is exact for directional lights. For maps it is computed up to `ORDER`, since
+        Lambert's filter falls like l^−5/2.
         """
         if order is not None:
             gains = lambertian_filter(order)[orders(order)[0]]
@@ -133,7 +135,7 @@ class LightTable:
     def map(self, folder: Path) -> EnvironmentMap:
         """Return the environment map, its file relative to `folder`.
 
-        Raises BadInput for a file that cannot be read and a name that is no map.
+        Raises BadInput for a file that cannot be read and for a named lighting that is not a map.
         """
         turn = math.radians(self.turn)
         if self.environment is not None:
@@ -162,7 +164,7 @@ class LightTable:
 
 
 def environment_coefficients(light: EnvironmentMap, order: int) -> Tensor:
-    """L_lm ((order+1)², C) of a map, by the centres of its texels at 64 rows or a little more."""
+    """Return L_lm ((order+1)², C) of a map, sampled at texel centres of a version with about 64 rows."""
     radiance = _resized(light.radiance)
     rows, columns, channels = radiance.shape
     w = texel_directions(rows, columns, light.turn)
@@ -202,7 +204,7 @@ def named_lighting(name: str) -> Lighting:
 
 
 def named_environment(name: str) -> EnvironmentMap:
-    """Return the lighting called `name`, where it is a map. Raises BadInput that lists the names."""
+    """Return the map called `name`. Raises BadInput, which lists the names of maps, for any other name."""
     maps = {key: found for key, (make, _) in NAMED.items() if isinstance(found := make()[0], EnvironmentMap)}
     if name not in maps:
         raise BadInput(found=repr(name), expected=f"an environment map or one of {', '.join(maps)}")

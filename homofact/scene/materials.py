@@ -1,4 +1,4 @@
-"""The materials of a scene: what a file may name, found beside the file and opened."""
+"""The materials of a scene: their tables in the file, their paths, and their opened reflectances."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -29,8 +29,8 @@ Stage = Callable[[str], object]
 class MaterialTable:
     """The keys that objects and the ground share: exactly one of `material` and `albedo`.
 
-    A kind of scene declares its further keys for both in a subclass of this one, which is mixed into its object and its
-    ground.
+    Each kind of scene declares its further keys in a subclass, which is a base class of its object and its ground
+    tables.
     """
 
     material: str | None = None
@@ -75,7 +75,7 @@ class OpenedMaterial:
 
     @property
     def tinted(self) -> Tinted | None:
-        """The material in two parts where it has a `picture`: what its colour multiplies, and the rest."""
+        """Return the material in two parts if it has a `picture`: the part that its colour multiplies, and the rest."""
         model = self.reflectance
         if self.picture is None or not isinstance(model, MetallicRoughness) or not any(model.base_colour):
             return None
@@ -103,7 +103,7 @@ def open_materials(
 
 
 def open_material(words: str, fits: FileFits) -> OpenedMaterial:
-    """A material's name, a fit (the folder or the file that `factorize` wrote), or a file, for which a fit stands.
+    """Open a material by its name, a fit (folder or file of `factorize`), or a file that a fit replaces.
 
     "FILE.glb#PART" is the material of a part of a glTF scene.
 
@@ -137,7 +137,7 @@ def _matt(words: str, albedo: tuple[float, ...]) -> OpenedMaterial:
 
 
 def found_source(text: str, folder: Path, where: str) -> str:
-    """Return the source with its file, relative to `folder`, made findable from the working folder.
+    """Return the source with its path, given relative to `folder`, converted to the working folder.
 
     Raises BadInput, beginning with `where`, for a file that is not there and an unknown material.
     """

@@ -1,4 +1,4 @@
-"""The meshes of a scene: opened by a file's or a shape's name, and several of them as one that blocks light."""
+"""The meshes of a scene: opened by the name of a file or shape, and joined into one that blocks light."""
 
 from collections.abc import Callable, Sequence
 from functools import cached_property
@@ -28,7 +28,7 @@ def open_mesh(text: str) -> Mesh:
 
 
 def shape(text: str, where: str) -> Callable[[], Mesh]:
-    """Return what makes the shape of that name. Raises BadInput, beginning with `where`, for another name."""
+    """Return the function that makes the shape `name`. Raises BadInput, beginning with `where`, otherwise."""
     name = text.removeprefix(SHAPE_PREFIX)
     if name not in _SHAPES:
         names = ", ".join(SHAPE_PREFIX + known for known in _SHAPES)
@@ -68,7 +68,7 @@ class MeshGroup:
 
     @cached_property
     def occluder(self) -> Occluder:
-        """What rays are traced against."""
+        """Return the occluder of all meshes, for tracing rays."""
         return Occluder(self.positions, self.triangles, self._size())
 
     def _size(self) -> float | None:

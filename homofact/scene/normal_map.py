@@ -1,4 +1,4 @@
-"""A normal map on a mesh: at every point of the surface the normal that it is shaded with."""
+"""A normal map on a mesh, which gives the shading normal at every point of the surface."""
 
 from dataclasses import dataclass
 
@@ -34,11 +34,11 @@ class SurfaceNormals:
 
     @property
     def reach(self) -> float:
-        """The sine that only a thousandth of the texels exceed."""
+        """Return the sine of the tilt that only a thousandth of the texels exceed."""
         return float(np.quantile(self.sines, 1 - _BEYOND))
 
     def between(self, corners: np.ndarray, shares: np.ndarray, normals: np.ndarray) -> np.ndarray:
-        """Mapped unit normals (S, 3) of points mixed of the vertices `corners` (S, 3) by `shares` (S, 3).
+        """Return mapped unit normals (S, 3), interpolated from vertices `corners` (S, 3) with weights `shares` (S, 3).
 
         `normals` (S, 3) are the surface's own there, of length 1.
         """

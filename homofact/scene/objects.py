@@ -1,4 +1,4 @@
-"""The objects of a scene: their tables in the file, and the same placed in the world with their materials opened.
+"""The objects of a scene: their tables in the file, and placed objects with opened materials.
 
 The tables are read by `settings.tables`; sources and meshes are relative to the scene's file.
 """
@@ -80,13 +80,13 @@ class SceneObject:
 
     @cached_property
     def tint(self) -> SurfaceTint | None:
-        """What its material's texture makes of it; None where there is none."""
+        """Return the tint by its material's base-colour texture; None without a texture."""
         picture, uv = self.material.picture, self.mesh.uv
         return None if picture is None or uv is None else SurfaceTint.of(picture, uv)
 
     @cached_property
     def bumps(self) -> SurfaceNormals | None:
-        """What its material's normal map makes of its normals; None where there is none."""
+        """Return its material's normal map on the mesh; None without a normal map."""
         given, mesh = self.material.normals, self.mesh
         if given is None or mesh.uv is None or mesh.tangents is None:
             return None
@@ -106,7 +106,7 @@ GroundKind = TypeVar("GroundKind", bound=GroundTable)
 def found_tables(
     objects: Sequence[ObjectKind], plane: GroundKind | None, folder: Path
 ) -> tuple[tuple[ObjectKind, ...], GroundKind | None]:
-    """Objects and ground with meshes and materials, relative to `folder`, made findable.
+    """Return the objects and the ground with paths relative to `folder` converted to the working folder.
 
     A glTF scene without a material becomes an object for each of its parts, with the parts' own materials. Raises
     BadInput, beginning with the table's place in the file, for those that are not there.
@@ -178,9 +178,9 @@ def _left_out(material: OpenedMaterial, normal_maps: bool) -> tuple[str, ...]:
 
 
 def bounce_note(plane: GroundTable | None, bounces: int, section: str) -> tuple[str, ...]:
-    """Return a line on the light that the ground would send to the objects, where there is some that is left out.
+    """Return a line about light from the ground to the objects, if the scene neglects such light.
 
-    `section` is that of the scene's file which has `bounces`.
+    `section` is the section of the scene's file with the key `bounces`.
     """
     if plane is None or bounces or max(plane.albedo or (1.0,)) < _REFLECTS:
         return ()

@@ -37,7 +37,7 @@ from homofact.settings.options import a_name, option
 
 @dataclass(frozen=True, kw_only=True)
 class SceneTable:
-    """The whole file; a kind of scene has its own objects and ground, and says what else there is."""
+    """The whole file. Each kind of scene defines its own object and ground tables and its further keys."""
 
     object: tuple[ObjectTable, ...]
     ground: GroundTable | None = None

@@ -1,4 +1,4 @@
-"""How a base-colour texture varies a material over a surface: at every point, its colour over the texture's mean."""
+"""Vary a material over a surface by a base-colour texture: by its colour divided by its mean colour."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -54,5 +54,5 @@ class SurfaceTint:
         return self.at(self.uv)
 
     def between(self, corners: np.ndarray, shares: np.ndarray) -> np.ndarray:
-        """Tints (S, 3) of points that are mixed of the vertices `corners` (S, 3) by `shares` (S, 3)."""
+        """Return tints (S, 3) at points, interpolated from vertices `corners` (S, 3) with weights `shares` (S, 3)."""
         return self.at((self.uv[corners] * shares[..., None]).sum(1))

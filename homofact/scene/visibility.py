@@ -1,4 +1,4 @@
-"""What a camera sees: one surface point a pixel, with its frame and the direction to the viewer."""
+"""What a camera sees: one surface point per pixel, with its frame and the direction to the viewer."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -40,7 +40,7 @@ class VisiblePixels:
 
 
 def visible_pixels(meshes: MeshGroup, camera: Camera, rims: bool = False) -> VisiblePixels:
-    """Return what is nearest through each pixel's centre; normals are interpolated.
+    """Return the nearest surface points through the centres of pixels, with interpolated normals.
 
     A pixel whose interpolated normal is turned away from the viewer, as happens on coarse rims, is not covered unless
     `rims` are asked for.
@@ -61,7 +61,7 @@ def visible_pixels(meshes: MeshGroup, camera: Camera, rims: bool = False) -> Vis
 
 
 def seen_from_behind(meshes: MeshGroup, cameras: Iterable[Camera]) -> np.ndarray:
-    """The share (M,) of each mesh's pixels in all cameras whose normals are turned away; 0 of what is not seen."""
+    """Return the share (M,) of each mesh's pixels, over all cameras, whose normals face away; 0 if invisible."""
     count = int(meshes.owners.max()) + 1
     whole, away = np.zeros(count), np.zeros(count)
     for camera in cameras:

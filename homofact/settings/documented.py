@@ -1,4 +1,4 @@
-"""A settings class whose docstring lists its settings, from what its fields declare."""
+"""List the settings of a class in its docstring, from the declarations of its fields."""
 
 from dataclasses import fields
 from typing import TypeVar

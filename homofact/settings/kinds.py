@@ -1,4 +1,4 @@
-"""The kinds of TOML files: which one a table is, so that a scene given to another command is named as what it is."""
+"""The kinds of TOML files, so that an error can name the kind of a file that is given to the wrong command."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -13,7 +13,7 @@ _RELIGHTING, _EDITING = {"terms", "error", "share", "lobe"}, {"curves", "bands",
 
 
 def kinds_of(table: Mapping[str, Any]) -> set[str]:
-    """Return the kinds that a table may be, by the sections that only they have; none where nothing tells."""
+    """Return the possible kinds of a table, from the sections that only they have; empty if none is recognized."""
     if "sources" in table or isinstance(table.get("method"), list):
         return {SWEEP}
     if isinstance(table.get("material"), list):
@@ -28,7 +28,7 @@ def kinds_of(table: Mapping[str, Any]) -> set[str]:
 
 
 def check_kind(table: Mapping[str, Any], expected: str, where: object) -> None:
-    """Raise BadInput for a table that is of another kind, naming it and what takes it, and for one of two kinds."""
+    """Raise BadInput for a table of another kind, naming its command, and for a table that mixes two kinds."""
     if all(isinstance(table.get(name), list) for name in ("material", "object")):
         raise BadInput(
             where=where,

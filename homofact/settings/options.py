@@ -1,8 +1,9 @@
-"""One declaration a setting: a dataclass field with its help, unit, choices and range, from which all else follows.
+"""One declaration per setting: a dataclass field with its help, unit, choices and range, from which all else follows.
 
-The checks of a dataclass's values, the options of the command line with their help and defaults, the keys of a TOML
-file (`settings.tables`) and the entries of a saved JSON file (`files.fields`) are read off the fields that `option`
-makes, so that nothing of a setting is said twice. Loads neither torch nor numpy: help and refusals must not wait.
+The fields that `option` makes define the checks of a dataclass's values, the options of the command line with their
+help and defaults, the keys of a TOML file (`settings.tables`), and the entries of a saved JSON file (`files.fields`).
+Every fact about a setting is therefore declared once. The module imports neither torch nor numpy, so that help and
+error messages appear without delay.
 """
 
 import re
@@ -21,14 +22,14 @@ MOST_SEED = 2**62  # every generator takes it, and a few more
 
 @dataclass(frozen=True)
 class Option:
-    """What a field says of itself.
+    """The declaration of a setting in a dataclass field.
 
-    `help` is a sentence without its full stop; `choices` the words it may be (each of them, for a list); `least`,
-    `above`, `below` and `most` its range, `unit` that of its number. `none` describes the meaning of None.
-    `expected_instead(value)` is a check of its own: what is expected where the value will not do, else None. A text is
-    split into a list at `separators`. On the command line the option is `flag` where the field's name is no good word
-    there (an argument without dashes where `argument`), shown as `metavar`; `panel` is its heading. A long help shows
-    of the source and the fit what is `everyday` alone.
+    `help` is a sentence without its full stop. `choices` are the allowed words (for a list, of each item). `least`,
+    `above`, `below` and `most` limit a number, and `unit` is its unit. `none` describes the meaning of None.
+    `expected_instead(value)` is an additional check: it returns what is expected if the value is invalid, otherwise
+    None. A text is split into a list at `separators`. On the command line, `flag` replaces the field's name if that
+    name is unsuitable, `argument` makes a positional argument, `metavar` is the placeholder, and `panel` is the heading
+    of the group. A long help shows only the `everyday` options of the source and the fit.
     """
 
     help: str
@@ -79,7 +80,7 @@ _PLAIN = Option("")
 
 @dataclass(frozen=True)
 class Declared:
-    """An option where it stands: its field's name, its type without None, its default, and what it says of itself."""
+    """An option with its context: its field's name, its type without None, its default, and its `Option`."""
 
     name: str
     kinds: tuple[Any, ...]
@@ -99,11 +100,11 @@ class Declared:
 
     @property
     def flag(self) -> str:
-        """The option's word on the command line, without dashes."""
+        """The option's name on the command line, without dashes."""
         return self.option.flag or self.name.replace("_", "-")
 
     def checked(self, value: Any) -> Any:
-        """Return the value as the field holds it: lists as tuples.
+        """Return the value in the form of the field, with lists as tuples.
 
         Raises BadInput naming the option, found and expected.
         """
@@ -123,7 +124,7 @@ class Declared:
         return value
 
     def read(self, value: Any, where: str | None = None) -> Any:
-        """Return the value of a TOML or JSON file as the field holds it: arrays as tuples, whole numbers as floats.
+        """Return a value from TOML or JSON in the form of the field: arrays as tuples, integers as floats.
 
         Raises BadInput, at `where` or the field's name.
         """
@@ -173,7 +174,7 @@ class Declared:
         return ranged or _WORDS[kind]
 
     def from_text(self, text: str) -> Any:
-        """Return the value of a word of the command line. Raises BadInput for a word without a value."""
+        """Return the value of a text from the command line. Raises BadInput for a text without a value."""
         if not self.is_list:
             return _number(text) if float in self.kinds else text
         parts = tuple(part.strip() for part in re.split(f"[{re.escape(self.option.separators)}]", text) if part.strip())
@@ -280,7 +281,7 @@ def check_options(settings: Any) -> None:
 
 
 def declared(each: "Field[Any]", hint: Any) -> Declared:
-    """What a dataclass's field declares, by its type hint; a field that no `option` made declares its type alone."""
+    """Return the declaration of a dataclass field; a field without an `Option` declares only its type."""
     kinds = typing.get_args(hint) if isinstance(hint, types.UnionType) else (hint,)
     rest = tuple(kind for kind in kinds if kind is not types.NoneType)
     return Declared(each.name, rest, len(rest) < len(kinds), each.default, each.metadata.get("option", _PLAIN))

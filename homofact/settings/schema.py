@@ -1,7 +1,8 @@
 """The JSON Schema of a TOML file, from the dataclass that it is read into, for editors that complete and check keys.
 
-A schema says what `settings.tables` checks key by key: sections, types, choices and ranges, with every key's help. What
-two keys must be together, and checks of a field's own, it leaves to the program.
+A schema contains what `settings.tables` checks for each key: sections, types, choices and ranges, with the help of
+every key. It does not contain conditions between two keys, or the additional checks of a field; only the program checks
+these.
 """
 
 import dataclasses
@@ -19,7 +20,7 @@ _PLAIN = {bool: "boolean", int: "integer", float: "number", str: "string"}
 def schema_of(cls: type[Any], title: str, rests: Mapping[type, Mapping[str, Any]] | None = None) -> dict[str, Any]:
     """Return the schema of a file with this dataclass as its whole table.
 
-    `rests` has the properties of sections that take keys beside their fields, by dataclass.
+    `rests` maps dataclasses to additional properties, for sections that accept keys which are not fields.
     """
     return {"$schema": DRAFT, "title": title, **_section(cls, rests or {})}
 

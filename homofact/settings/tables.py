@@ -1,15 +1,17 @@
-"""A TOML table into a frozen dataclass, strictly, by what its fields declare (`settings.options`).
+"""Read a TOML table strictly into a frozen dataclass, by the declarations of its fields (`settings.options`).
 
-A field of another dataclass is a section, one of a tuple of them an array of sections ([[name]]), one of both whichever
-the file has; every other field is a value. A field `Mapping[str, Any]` takes the keys that no other field has. What is
-wrong is named with its place, what was found and what is expected:
+A field whose type is a dataclass is a section ([name]). A field whose type is a tuple of dataclasses is an array of
+sections ([[name]]). If the type allows both, the file may contain either. Every other field is a value. A field
+`Mapping[str, Any]` collects the keys that no other field has. An error names the place, what was found and what is
+expected:
 
     scene.toml: budget.bytes: found 1, expected a whole number of at least 4
     scene.toml: lighting.name: unknown key (nearest: lighting.named)
 
-A key that readers may expect and that means nothing has its own hint in the dataclass's `INSTEAD`, by the key's name.
+`INSTEAD` of a dataclass contains hints, by name, for keys that users may expect but that do not exist.
 
-What a dataclass refuses itself, in its `__post_init__`, gets the place before its own where it names one of its fields.
+If a dataclass's `__post_init__` raises BadInput for one of its fields, the reader puts the section's place in front of
+the field.
 """
 
 import dataclasses
@@ -30,19 +32,18 @@ T = TypeVar("T")
 def read_table(
     cls: type[T], table: Mapping[str, Any], place: str | Callable[[str], str] = "", also: Iterable[str] = ()
 ) -> T:
-    """Return the dataclass that a whole table says.
+    """Return the dataclass for a whole table.
 
-    `place` goes before every message ("scene.toml: "), or says where a dotted key is; `also` are dotted keys that there
-    are beside those of the fields. Raises BadInput for an unknown
-    key (naming the nearest), a missing one without a default, a value of the wrong type or out of its range, and what
-    `cls` and its parts refuse themselves.
+    `place` is the prefix of every message ("scene.toml: "), or a function that returns the place of a dotted key.
+    `also` are further known dotted keys. Raises BadInput for an unknown key (naming the nearest), a missing key without
+    a default, a value of the wrong type or out of its range, and for errors that `cls` or its sections raise.
     """
     where = place if callable(place) else lambda key: f"{place}{key}"
     return _Reader(where, [*also, *keys_of(cls)]).build(cls, table, "")
 
 
 def keys_of(cls: type[Any], name: str = "") -> list[str]:
-    """Return the dotted keys of a dataclass under `name`, its sections and their keys among them."""
+    """Return the dotted keys of a dataclass under `name`, including its sections and their keys."""
     keys = []
     for field, hint in typing.get_type_hints(cls).items():
         key = _joined(name, field)
@@ -53,10 +54,10 @@ def keys_of(cls: type[Any], name: str = "") -> list[str]:
 
 
 def unknown_key(key: str, own: Iterable[str], known: Iterable[str], where: str, what: str = "key") -> BadInput:
-    """Return the error on a key that means nothing, which names the key that it misspells.
+    """Return the error for an unknown key, which names the key that was probably meant.
 
-    That is one of the same section (`own` are its names) that is near it, or else the same name in another section
-    (`known` are all dotted keys). Where there is none, the section's keys are listed.
+    This is a similar name in the same section (`own` are its names), or the same name in another section (`known` are
+    all dotted keys). If there is none, the error lists the section's keys.
     """
     section, _, name = re.sub(r"\[\d+\]", "", key).rpartition(".")
     own = list(own)
@@ -137,13 +138,13 @@ def _fields(cls: type[Any]) -> "list[tuple[dataclasses.Field[Any], Any]]":
 
 
 def types_in(hint: Any) -> tuple[Any, ...]:
-    """Return the alternatives of a type hint but None, which no table can hold."""
+    """Return the alternatives of a type hint except None, which does not exist in TOML."""
     either = typing.get_args(hint) if isinstance(hint, UnionType) else (hint,)
     return tuple(kind for kind in either if kind is not type(None))
 
 
 def is_rest(hint: Any) -> bool:
-    """Return whether a field takes the keys that no other field has."""
+    """Return whether a field collects the keys that no other field has."""
     return typing.get_origin(hint) is Mapping
 
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from urllib.parse import quote
 
+from homofact.evaluation.wording import listed
 from homofact.files.atomic import write_text
 from homofact.files.words import in_markdown
 from homofact.stability.atlas import Atlas
@@ -51,7 +52,7 @@ def document(atlas: Atlas, solvers: list[SolverCell], link: str, where: str) -> 
 def _head(atlas: Atlas, link: str) -> str:
     counts = atlas.counts()
     silent = counts.pop(CellOutcome.SILENT.value)
-    tally = ", ".join(f"{count} are {name}" for name, count in counts.items() if count)
+    tally = listed([f"{count} are {name}" for name, count in counts.items() if count])
     methods = atlas.plan.methods
     warned = [name for name in methods if name in atlas.unstressed and atlas.unstressed[name].said]
     warned_words = (
@@ -74,13 +75,14 @@ writes one row per fit to `atlas.csv` and draws the pictures below.
 ## Which data damage which method
 
 A stressor is one fault of the data or of the settings, applied to a test problem at several strengths, from harmless
-to fatal. There are {len(atlas.plan.stressors)} stressors. {len(methods)} methods fit each step. Of the results,
-{tally}. {silent or "No"} fits are silently wrong.
+to fatal. There are {len(atlas.plan.stressors)} stressors. Each of {len(methods)} methods fits the data of each
+strength. Of the results, {tally}. {silent or "No"} fits are silently wrong.
 
-Each cell shows the worst fit over all strengths of a stressor: its error, divided by the same method's error
-without the stressor or by {WORTH_AN_ERROR:g} if that is larger. \\*: the verdict warns, while that of the unstressed
-fit does not. **silent**: the error is over {WRONG:g} times as large, and the verdict does not warn.{warned_words}
-[How it is measured](#how-it-is-measured) defines the terms, such as degraded. {_coverage(atlas.cells)}
+Each cell shows the worst fit over all strengths of a stressor. The number is the error of this fit, divided by the
+same method's error without the stressor (the unstressed error). If the unstressed error is below {WORTH_AN_ERROR:g},
+the divisor is {WORTH_AN_ERROR:g}. \\*: the verdict warns, while that of the unstressed fit does not. **silent**: the
+number is over {WRONG:g}, and the verdict does not warn.{warned_words} [How it is measured](#how-it-is-measured)
+defines the terms, such as degraded. {_coverage(atlas.cells)}
 
 | stressor | {" | ".join(methods)} |
 |{" --- |" * (len(methods) + 1)}
@@ -137,14 +139,15 @@ def _measuring(atlas: Atlas, where: str) -> str:
     )
     base = "\n".join(
         f"| {name} | {judged.error:.2g} | {judged.row.held_out.log_mse:.2g} |"
-        f" {in_markdown('; '.join(judged.said.values())) or 'nothing'} |"
+        f" {in_markdown('; '.join(judged.said.values())) or 'none'} |"
         for name, judged in atlas.unstressed.items()
     )
     absent, really = "".join(f"\n\n{in_markdown(note)}." for note in atlas.notes), _really_bad(atlas)
     silent = atlas.counts()[CellOutcome.SILENT.value]
     names = [name for name, judged in atlas.unstressed.items() if judged.error < WORTH_AN_ERROR]
     small = (
-        f" For {' and '.join(names)}, the divisor {WORTH_AN_ERROR:g} is larger than the unstressed error."
+        f" For {listed(names)}, the unstressed error is below {WORTH_AN_ERROR:g}, so the divisor is"
+        f" {WORTH_AN_ERROR:g} and even harmless strengths give numbers below 1."
         if names
         else ""
     )
@@ -155,8 +158,8 @@ Every cell of a section's table is one fit of stressed samples. Unless the stres
 same settings: {shared}. Unless the stressor has a material of its
 own, the test problem has {scale.samples} samples of a Blinn-Phong material with a broad highlight. A fifth of them is
 held out. The error of each fit is then measured on {scale.clean} clean samples that were not fitted: the Cole error
-with ε = {JUDGING_EPSILON:g}. The tables divide it by the same method's error without the stressor, or by
-{WORTH_AN_ERROR:g} (an RMS of 5%) if that is larger.
+with ε = {JUDGING_EPSILON:g}. The tables divide it by the unstressed error, which is the same method's error without
+the stressor, or by {WORTH_AN_ERROR:g} (an RMS of 5%) if that is larger.
 
 homofact compares the error bar of total reflected light with the clean samples in bands of incidence angle, within
 the range of angles for which the fit states the bar. The comparison adds a margin for the statistical scatter of
@@ -167,22 +170,25 @@ error on held-out samples, the difference from an interpolation of the nearest s
 it warns` in the output of `factorize` lists the decisive ones. In the calibration of the verdict, most fits with
 such errors were bad, many because of faulty samples. homofact therefore states the wider error bars that it uses
 for faulty samples. Check the data (`homofact info`), then follow the line `Try next`. The verdicts quoted on this page
-are those of the build that made it. A later calibration may print other limits, and another share than “nine of ten”
-([How accurate the verdict is](verdict.md)).
+are those of the build that made it. After a later calibration, verdicts may state other limits and another share than
+“nine of ten”, and may warn from another probability on ([How accurate the verdict is](verdict.md)).
 
-* **ok**: the error is at most {DEGRADED:g} times the unstressed error, and the verdict contains no finding that the
-  verdict of the unstressed fit lacks.
-* **degraded**: the error is larger, or the verdict warns and that of the unstressed fit does not (\\*).{really}
+On this page, the verdict “warns” if it does not trust the fit, or if the solver reports a fallback or an interruption.
+Findings alone are no warning. The results are:
+
+* **ok**: the number in the cell is at most {DEGRADED:g}, and the verdict has no new warning. A warning is new if the
+  unstressed fit does not have it.
+* **degraded**: the number is larger, or the verdict has a new warning (\\*).{really}
 * **refused**: homofact makes no fit and prints one line that names the problem.
-* **silently wrong**: the error is over {WRONG:g} times the unstressed error, and the verdict does not warn. These tests
-  exist to find such fits; they found {silent or "none"}.
+* **silently wrong**: the number is over {WRONG:g}, and the verdict does not warn. These tests exist to find such fits;
+  they found {silent or "none"}.
 
-A multiple below 1 is no mistake. Some stressors make the problem easier, for example if only a region with constant
+A number below 1 is no mistake. Some stressors make the problem easier, for example if only a region with constant
 values remains.{small}
 
 This table shows the fits without a stressor:
 
-| method | error, clean | error, own held-out | its verdict finds |
+| method | error, clean | error, own held-out | warning of its verdict |
 | --- | --- | --- | --- |
 {base}
 
@@ -202,6 +208,12 @@ def _really_bad(atlas: Atlas) -> str:
     methods = ", ".join(f"{bad[name]} by {name}" for name in atlas.plan.methods)
     known = {name for name, judged in atlas.unstressed.items() if judged.said}
     usual = sum(cell.bad and cell.method in known for cell in degraded if not cell.new)
+    poor = [
+        name
+        for name, judged in atlas.unstressed.items()
+        if not (abs(judged.off - 1) <= BAD_LIGHT and judged.explained >= LEAST_EXPLAINED)
+    ]
+    poor_words = f" Without a stressor, the fits of {listed(poor)} are bad as well." if poor else ""
     bad_warned, all_bad = (sum(cell.bad for cell in those) for those in (warned, degraded))
     return (
         f" {all_bad} of these {len(degraded)}\n  fits are bad: their total reflected light is off by over"
@@ -210,8 +222,7 @@ def _really_bad(atlas: Atlas) -> str:
         f" bad: it compares albedo and pictures.) {len(warned)} of the {len(degraded)} fits have a new warning,\n  and"
         f" {bad_warned} of these are bad. Of the {len(degraded) - len(warned)} fits without a new warning,"
         f" {all_bad - bad_warned} are bad; {usual} of these are\n  by methods whose verdict warns even without a"
-        f" stressor. {bad.total()} of the {len(fine)} fits called ok are bad\n  ({methods}). Without the stressor,"
-        " these methods are about as bad on this problem."
+        f" stressor. {bad.total()} of the {len(fine)} fits called ok are bad\n  ({methods}).{poor_words}"
     )
 
 
@@ -255,21 +266,23 @@ def _measured(atlas: Atlas, stress: Stressor) -> str:
         low, high = ranked[0], ranked[-1]
         if len(ranked) == 1:
             sentences.append(
-                f"The error of the worst fit is {low.factor:.2g} ({low.method}) times the unstressed error (at least"
-                f" {WORTH_AN_ERROR:g})."
+                f"The error of the worst fit, divided by its unstressed error (or {WORTH_AN_ERROR:g} if that is"
+                f" larger), is {low.factor:.2g} ({low.method})."
             )
         else:
             sentences.append(
-                f"The error of each method's worst fit is {low.factor:.2g} ({low.method}) to {high.factor:.2g}"
-                f" ({high.method}) times its unstressed error (at least {WORTH_AN_ERROR:g})."
+                f"The error of each method's worst fit, divided by its unstressed error (or {WORTH_AN_ERROR:g} if that"
+                f" is larger), is between {low.factor:.2g} ({low.method}) and {high.factor:.2g} ({high.method})."
             )
         warned = next((cell for cell in reversed(ranked) if cell.new), None)
         if warned is not None and warned.said:
             sentences.append(f"The verdict on the worst fit by {warned.method} is “{in_markdown(warned.said[0])}.”")
-    refused = next((cell for cell in cells if cell.outcome is CellOutcome.REFUSED), None)
-    if refused is not None:
+    refused = [cell for cell in cells if cell.outcome is CellOutcome.REFUSED]
+    if refused:
+        labels = list(dict.fromkeys(cell.label for cell in refused))
         sentences.append(
-            f"From {refused.label} on, homofact refuses the data: “{in_markdown(refused.message.partition(': ')[2])}.”"
+            f"At the strength{'s' * (len(labels) > 1)} {listed(labels)}, homofact refuses the data:"
+            f" “{in_markdown(refused[0].message.partition(': ')[2])}.”"
         )
     sentences.append(_coverage(cells))
     silent = [f"{cell.method} at {cell.label}" for cell in cells if cell.outcome is CellOutcome.SILENT]
@@ -303,17 +316,15 @@ def _solvers(cells: list[SolverCell], link: str) -> str:
 Every solver solves the same linear systems: the stacked rows of samples, smoothing, ridge and gauge. The column
 "condition" gives the condition number of the normal matrix, computed from the singular values of the stacked rows.
 The reference solution is the minimum-norm solution from these singular values, refined in extended precision. The
-columns of the solvers give the difference between each solution and the reference. A system
-is well posed up to a condition number of {WELL_POSED:.0e}. For such a system, every solver should agree with the
-reference to {AGREES:.0e}. All agree to {furthest:.1e}. For worse conditioned systems, we count a solution as the
-minimum-norm solution if it agrees to {AGREES_ILL:.0e}. Any other solution should have the status `fallback` or
-`budget`. {silence}
+columns of the solvers give the difference between each solution and the reference. A system is well posed up to a
+condition number of {WELL_POSED:.0e}. For such a system, every solver should agree with the reference to {AGREES:.0e}.
+All agree to {furthest:.1e}. For worse conditioned systems, we count a solution as the minimum-norm solution if it
+agrees to {AGREES_ILL:.0e}. Any other solution should have the status `fallback` or `budget`. {silence}
 
 The ridge term limits the condition number to about 1e10, even if no sample determines a texel. Only far too much
-smoothing raises it further. In smoothed systems, the gauge rows lower the condition number by four to five powers
-of ten. A
-solver can then fail only if the sample weights span a larger range than the ridge allows. In that case the iterative
-solvers reach their iteration limit, and the fit reports it.
+smoothing raises it further. In smoothed systems, the gauge rows lower the condition number by four to five powers of
+ten. A solver can then fail only if the sample weights span a larger range than the ridge allows. In that case the
+iterative solvers reach their iteration limit, and the fit reports it.
 
 | system | what it is | texels | condition | {" | ".join(solvers)} |
 |{" --- |" * (len(solvers) + 4)}

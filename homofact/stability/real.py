@@ -84,12 +84,13 @@ STRESSORS = (
     ),
     Stressor(
         "real-negative", "measured values below zero",
-        "In the measurement of a car paint, 11 to 14% of the values are negative, and the values at large angles are"
-        " extrapolated.",
-        "The file reader sets negative values to zero and counts them. These zeros are not noise: they make up a"
-        " quarter of the green channel, and over half of its samples beyond 75°. The fit therefore shows no green"
-        " there.",
-        "`homofact info` shows the count. Leave the extrapolated angles out.",
+        "In the measurement of a car paint, a tenth of the values are negative because of noise. The fit uses a random"
+        " share of the samples.",
+        "The file reader leaves out the extrapolated angles of the file. It sets negative values to zero and counts"
+        " them. These zeros make up a quarter of the green channel. They have a large influence on a fit of"
+        " logarithms, so the fit can be too dark in green.",
+        "`homofact info` shows the count. Use an ε as large as the noise (`epsilon=\"floor\"`, see [Repair bad"
+        " measurements](robustness.md)).",
         "share of the samples", (1, 0.3, 0.1), _car_paint,
     ),
 )  # fmt: skip

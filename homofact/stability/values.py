@@ -188,9 +188,11 @@ STRESSORS = (
     Stressor(
         "tilted-frame", "a tilted normal",
         "All directions are given in a frame whose normal is tilted.",
-        "In half-vector coordinates, the highlight is then not centred on the normal. The data are no longer"
-        " isotropic. Textures over angles from the normal blur the highlight. Some samples near the horizon appear below it.",
-        "Align the measurement so that the half vector of the brightest samples becomes the normal.",
+        "In half-vector coordinates, the highlight is then not centred on the normal. The data are no longer isotropic."
+        " Textures over angles from the normal blur the highlight. Some samples near the horizon appear below it.",
+        "Align the measurement so that the half vector of the brightest samples becomes the normal. homofact can undo"
+        " a tilt itself only if it is at most 0.6° and in the plane of incidence of all samples ([Straighten a"
+        " measurement](straightening.md)). In this test the plane of incidence differs from sample to sample.",
         "degrees", (0.1, 1, 5, 20), faulted(FAULTS["tilted"]),
     ),
 )  # fmt: skip

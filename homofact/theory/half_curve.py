@@ -2,12 +2,12 @@
 
 Mahajan, Tseng and Ramamoorthi (2008), section 4: average the BRDF over θd, leaving out grazing angles, to a curve of
 θh alone; transform it into (zonal) spherical harmonics; l* is the order up to which the wanted share of its energy
-lies. Then K ≈ (l*)²/4. Orders run from 0, so l* + 1 of them are kept (the paper's eq. 10), and it is (l* + 1)²/4
-that is used here: a Gaussian curve (eq. 14) has 99% of its energy up to l* + 1 = √(2 ln 100)/σ, which gives 58 terms
-for σ = .2 and 14 for .4 where the paper says about 60 and 10 to 20.
+lies. Then K ≈ (l*)²/4. Orders start at 0, so l* + 1 orders are kept (the paper's eq. 10). This module therefore uses
+(l* + 1)²/4: a Gaussian curve (eq. 14) has 99% of its energy up to l* + 1 = √(2 ln 100)/σ, which gives 58 terms for σ =
+.2 and 14 for .4 where the paper says about 60 and 10 to 20.
 
-The curve is continued evenly beyond θh = 90°, f(180° − θh) = f(θh): cut off there, the step of a diffuse part would
-have content at every order.
+The curve is extended as an even function beyond θh = 90°, f(180° − θh) = f(θh). If it were cut off at 90°, the step of
+a diffuse part would contribute to every order.
 """
 
 import math
@@ -26,20 +26,20 @@ _DIFFERENCES, _TURNS = 12, 4
 
 @dataclass(frozen=True)
 class HalfCurve:
-    """`values` (Q,) in sr⁻¹ at rising `theta_h` (Q,) in radians, Gauss nodes in cosθh with their `weights`."""
+    """`values` (Q,) in sr⁻¹ at increasing `theta_h` (Q,) in radians, which are Gauss nodes in cosθh with `weights`."""
 
     theta_h: Tensor
     values: Tensor
     weights: Tensor
 
     def spectrum(self, order: int = ORDER) -> Tensor:
-        """Zonal coefficients (order+1,) of the curve continued evenly; 0 at odd orders."""
+        """Return the zonal coefficients (order+1,) of the curve, extended as an even function; 0 at odd orders."""
         values = 4 * math.pi * zonal(order, torch.cos(self.theta_h)).T @ (self.weights * self.values)
         values[1::2] = 0
         return values
 
     def l_star(self, share: float = 0.99, order: int = ORDER) -> float:
-        """The order up to which `share` of the energy lies, interpolated; where even `order` has less, `order` itself.
+        """Return the interpolated order up to which `share` of the energy lies, but at most `order`.
 
         Raises BadInput as `order_for_share`.
         """
@@ -56,8 +56,9 @@ class HalfCurve:
 def half_angle_curve(reflectance: Reflectance, limit: float = math.radians(85)) -> HalfCurve:
     """Return the mean over channels, θd and φd of a reflectance at each θh.
 
-    θd has `_DIFFERENCES` even values below `limit`, φd `_TURNS` in [0, π/2] on each side of both planes; pairs with a
-    direction beyond `limit` (radians) from the normal are left out. For θh beyond it the last value is held.
+    θd has the value 0 and `_DIFFERENCES` evenly spaced values below `limit`. φd has `_TURNS` values in [0, π/2], and
+    their mirror images in [π/2, π]. Pairs with a direction more than `limit` (radians) from the normal are left out.
+    For θh without pairs, the curve repeats its last value.
     """
     cosine, weights = gauss_legendre(NODES, 0.0, 1.0)
     theta_h = torch.arccos(cosine).flip(0)

@@ -2,11 +2,11 @@
 
 Y_lm = √2 N_lm P_lm(cosθ) cos mφ for m > 0, N_l0 P_l(cosθ) for m = 0, √2 N_l|m| P_l|m|(cosθ) sin|m|φ for m < 0
 (Mahajan, Tseng and Ramamoorthi 2008, eq. 6), without the Condon-Shortley phase: Y_11, Y_1−1 and Y_10 are
-√(3/4π) times x, y and z. Coefficients lie in one axis, (l, m) at l² + l + m.
+√(3/4π) times x, y and z. Coefficients are stored along one axis, with (l, m) at index l² + l + m.
 
 The normalised functions P̄_lm = N_lm P_lm come from the recurrence in l at fixed m (Holmes and Featherstone 2002,
-eq. 11), begun with P̄_mm, whose factor sinᵐθ underflows harmlessly at the poles: nothing grows, no factorial is
-formed, and orders of several hundred keep full precision.
+eq. 11), which starts from P̄_mm. Its factor sinᵐθ underflows harmlessly at the poles. No value grows and no factorial
+is needed, so orders of several hundred keep full precision.
 """
 
 import math
@@ -95,17 +95,17 @@ def quadrature(order: int, low: float = -1.0) -> tuple[Tensor, Tensor]:
 def project(function: Callable[[Tensor], Tensor], order: int, nodes: int | None = None, low: float = -1.0) -> Tensor:
     """Coefficients ((order+1)², C) of a function of unit vectors, (Q, 3) → (Q, C), by quadrature of order `nodes`.
 
-    `low` is the least cosθ where the function is not 0: a cut at the horizon (low = 0) then costs no accuracy. `nodes`
-    defaults to `order`; a function with content above `order` needs more.
+    `low` is the smallest cosθ at which the function is not 0. With low = 0, a cut at the horizon costs no accuracy.
+    `nodes` defaults to `order`; a function with content above `order` needs more.
     """
     w, weights = quadrature(order if nodes is None else nodes, low)
     return harmonics(order, w).T @ (weights[:, None] * function(w))
 
 
 def energy_by_order(coefficients: Tensor) -> Tensor:
-    """Σ_m c_lm² for each l, (order+1, …) from ((order+1)², …): what no rotation of the function changes.
+    """Σ_m c_lm² for each l, (order+1, …) from ((order+1)², …); a rotation of the function does not change it.
 
-    Raises BadInput for a number of coefficients that is no square.
+    Raises BadInput if the number of coefficients is not a square number.
     """
     order = math.isqrt(len(coefficients)) - 1
     if (order + 1) ** 2 != len(coefficients):

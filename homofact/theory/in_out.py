@@ -1,11 +1,11 @@
 """The singular value decomposition of a BRDF between incident and outgoing directions, without a matrix of pairs.
 
-The operator that is decomposed has the kernel f(ωi, ωo) and the measure of solid angle on both sides, as the matrix
-of Mahajan, Tseng and Ramamoorthi (2008) has it (even in cosθ and φ; no cosine). Turning both directions leaves an
-isotropic f alone, so that the operator is diagonal in Fourier order m of azimuth: with
-f = Σ_m f_m(θi, θo) exp(im(φo − φi)) its singular values are those of the small matrices 2π √w f_m √w over Gauss
-nodes in θ, each twice for m > 0. That is exact up to quadrature and takes milliseconds where the full matrix takes
-hours. An anisotropic f has the full matrix.
+The operator that is decomposed has the kernel f(ωi, ωo), without a cosine, and the solid-angle measure on both sides.
+This is also true of the matrix of Mahajan, Tseng and Ramamoorthi (2008), whose directions are evenly spaced in cosθ and
+φ. Rotating both directions about the normal does not change an isotropic f, so the operator is diagonal in the Fourier
+order m of azimuth. With f = Σ_m f_m(θi, θo) exp(im(φo − φi)) its singular values are those of the small matrices 2π √w
+f_m √w over Gauss nodes in θ, each twice for m > 0. This is exact up to quadrature and takes milliseconds, while the
+full matrix takes hours. An anisotropic f needs the full matrix.
 
 Directions reach θ = `limit` from the normal: π/2 is the hemisphere, π the sphere (for kernels that are defined there).
 """
@@ -29,7 +29,7 @@ _CHUNK = 2**18
 
 @dataclass(frozen=True)
 class DirectionGrid:
-    """Where a kernel is sampled: `rings` Gauss nodes in θ on [0, limit] by `turns` even azimuths.
+    """Where a kernel is sampled: `rings` Gauss nodes in θ on [0, limit] by `turns` evenly spaced azimuths.
 
     Raises BadInput for a limit outside (0, π] and for fewer than 2 rings or 4 turns.
     """
@@ -58,7 +58,7 @@ class DirectionGrid:
 
     @property
     def weights(self) -> Tensor:
-        """(rings,): Σ w g(θ) = ∫ g sinθ dθ."""
+        """Quadrature weights (rings,): Σ w g(θ) = ∫ g sinθ dθ."""
         return self._nodes[1] * torch.sin(self.theta)
 
     @property
@@ -83,7 +83,7 @@ class Decomposition:
     order : (C, R) Fourier order m ≥ 0 in azimuth; 0 throughout where anisotropic.
     left, right : (C, R, rings) complex for isotropic, (C, R, rings, turns) real for anisotropic kernels:
         f = Σ multiplicity · σ/2π · Re(left(θi) right(θo) exp(im(φo − φi))), anisotropic f = Σ σ left(ωi) right(ωo).
-    isotropic : which of the two.
+    isotropic : whether the kernel is isotropic.
     channels : names of the C channels.
     """
 
@@ -97,15 +97,15 @@ class Decomposition:
 
     @property
     def multiplicity(self) -> Tensor:
-        """(C, R): 2 where m > 0, a cosine and a sine."""
+        """The multiplicity (C, R) of the singular values: 2 if m > 0, for a cosine and a sine, otherwise 1."""
         return 1 + (self.order > 0).long()
 
     def values(self, channel: int = 0) -> Tensor:
-        """Return every singular value of a channel by itself, falling."""
+        """Return all singular values of a channel in decreasing order, each repeated by its multiplicity."""
         return self.sigma[channel].repeat_interleave(self.multiplicity[channel])
 
     def count(self, share: float, channel: int = 0) -> int:
-        """K, the least number of terms whose Σσ² is `share` of all. Raises BadInput for a share outside (0, 1)."""
+        """Return the smallest K whose terms have `share` of Σσ². Raises BadInput for a share outside (0, 1)."""
         return count_for_share(self.values(channel), share)
 
     def truncated(self, terms: int) -> "InOutTerms":
@@ -116,7 +116,7 @@ class Decomposition:
 
 
 def count_for_share(values: Tensor, share: float) -> int:
-    """Return the least K with Σ_{k≤K} σ_k² ≥ share Σ σ²; `values` falling.
+    """Return the least K with Σ_{k≤K} σ_k² ≥ share Σ σ²; `values` must decrease.
 
     Raises BadInput for no energy, a bad share.
     """
@@ -197,7 +197,7 @@ def _sorted(
 
 
 def evaluated(reflectance: Reflectance, incident: Tensor, outgoing: Tensor, mean: bool = False) -> Tensor:
-    """Values (I, O, C) float64 of all pairs of (I, 3) and (O, 3), a bounded number at once; `mean` of the channels.
+    """Values (I, O, C) float64 of all pairs of (I, 3) and (O, 3), in chunks; `mean` averages the channels.
 
     Raises BadInput for values that are not finite.
     """
@@ -216,11 +216,11 @@ def evaluated(reflectance: Reflectance, incident: Tensor, outgoing: Tensor, mean
 
 @dataclass(frozen=True)
 class InOutTerms:
-    """The first `terms` terms of a decomposition: a `Reflectance`, Σ σ h(ωo) g(ωi) a channel.
+    """The first `terms` terms of a decomposition: a `Reflectance`, Σ σ h(ωo) g(ωi) per channel.
 
-    Between nodes the functions are interpolated by the polynomial in θ and the trigonometric one in φ through the
-    nodes. Sums may be negative, as the paper's; `evaluate` cuts them at 0, `signed` does not. A pair of terms that
-    `terms` would split is left out. Beyond the grid's limit the value at the limit is held.
+    Between nodes, the functions are interpolated by a polynomial in θ and a trigonometric polynomial in φ through the
+    nodes. Sums may be negative, as in the paper; `evaluate` clamps them at 0, `signed` does not. A pair of terms (m >
+    0) that `terms` would split is left out. Beyond the grid's limit, the functions keep their values at the limit.
     """
 
     decomposition: Decomposition
@@ -233,13 +233,13 @@ class InOutTerms:
 
     @property
     def nbytes(self) -> int:
-        """Float32 values of g and h at all nodes, a map each a term and channel."""
+        """Bytes of g and h at all nodes as float32, with one map each per term and channel."""
         grid = self.decomposition.grid
         return 4 * 2 * self.terms * grid.rings * grid.turns * len(self.channels)
 
     @property
     def fetches(self) -> int:
-        """Two maps a term."""
+        """Two maps per term."""
         return 2 * self.terms
 
     def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:

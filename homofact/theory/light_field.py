@@ -1,13 +1,14 @@
 """Lighting and BRDF out of the reflected light field of a sphere (Ramamoorthi 2002, eq. 3.8, 3.11, 3.12, 3.17).
 
-B̃_lmpq = Λ_l L_lm ρ̃_lpq (3.8) is, order by order, a product of a vector over m and one over (p, q): each order alone
-leaves a scale open. Reciprocity, ρ̃_lpq = ρ̃_plq, ties the scales of two orders wherever their coupling does not vanish,
-so that one global scale is left; it is set by Λ_0 L_00 = 1. Where no coupling ties them, as for a mirror (3.26),
-every order keeps its own, and lighting may be blurred and the BRDF sharpened without any change of what is seen.
+B̃_lmpq = Λ_l L_lm ρ̃_lpq (3.8) is, at each order l, the product of a vector over m and a vector over (p, q). Each order
+alone therefore leaves a scale undetermined. Reciprocity, ρ̃_lpq = ρ̃_plq, links the scales of two orders l and p if
+their coupling (the coefficients ρ̃_lpq) is not zero. Then only one global scale remains; it is set by Λ_0 L_00 = 1.
+Without coupling, as for a mirror (3.26), every order keeps its own scale: the lighting can be blurred and the BRDF
+sharpened without changing the light field.
 
 `factor_light_field` finds the least squares answer over all coefficients; `factor_by_ratios` is the chapter's formula,
-which divides by the coefficients with p = q = 0 alone. Coefficients lie as in `theory.sphere_field`. One channel: each
-has a global scale of its own.
+which divides by the coefficients with p = q = 0 alone. Coefficients are stored as in `theory.sphere_field`. The
+functions treat one channel, because each channel has its own global scale.
 """
 
 import math
@@ -30,11 +31,11 @@ class LightFieldFactors:
     """The lighting and the BRDF that a light field determines; NaN where it does not determine them.
 
     `lighting` is L_lm ((order+1)²,), `transfer` ρ̃_lpq (order+1, order+1, 2·order+1), each with its standard error
-    (to first order in the noise; 0 without). `scales` (order+1,) numbers the orders of the lighting that share a
-    scale, from 0; −1 are orders that it does not excite, whose L_lm is 0 within its error or NaN. In each group the
-    largest Λ_l L_lm of the first order is set to 1, its error to 0: in group 0 that is Λ_0 L_00. Only what
-    `known_lighting` and `known_transfer` mark is in that one scale. `residual` is the relative RMS of what the factors
-    do not explain.
+    (to first order in the noise; 0 without). `scales` (order+1,) contains the group number of each order of the
+    lighting, from 0; orders in one group share a scale. It is −1 for orders that the lighting does not excite, whose
+    L_lm is 0 within its error, or NaN. In each group, the largest Λ_l L_lm of the first order is set to 1 and its error
+    to 0; in group 0 this is Λ_0 L_00. `known_lighting` and `known_transfer` mark the coefficients in the scale of group
+    0. `residual` is the relative RMS of the part of the field that the factors do not explain.
     """
 
     lighting: Tensor
@@ -46,12 +47,12 @@ class LightFieldFactors:
 
     @property
     def known_lighting(self) -> Tensor:
-        """Which L_lm are known in the one scale, booleans ((order+1)²,)."""
+        """Which L_lm are known in the scale of group 0, booleans ((order+1)²,)."""
         return ~self.lighting.isnan() & (self.scales[orders(len(self.scales) - 1)[0]] <= 0)
 
     @property
     def known_transfer(self) -> Tensor:
-        """Which ρ̃_lpq are known in the one scale, booleans (order+1, order+1, 2·order+1)."""
+        """Which ρ̃_lpq are known in the scale of group 0, booleans (order+1, order+1, 2·order+1)."""
         own = self.scales <= 0
         return ~self.transfer.isnan() & (own[:, None] & own)[..., None]
 
@@ -83,10 +84,10 @@ class LightFieldFactors:
 
 
 def factor_light_field(field: Tensor, noise: float = 0.0) -> LightFieldFactors:
-    """Separate B̃_lmpq ((order+1)², order+1, 2·order+1) into lighting and BRDF, up to the scales that stay open.
+    """Separate B̃_lmpq ((order+1)², order+1, 2·order+1) into lighting and BRDF, up to undetermined scales.
 
-    `noise` is the standard deviation of a coefficient (as of white noise in the light field), in its unit: an order
-    of the lighting, and a coupling of two orders, count only where they stand out of it. Raises BadInput for another
+    `noise` is the standard deviation of a coefficient (as of white noise in the light field), in its unit: orders of
+    the lighting and couplings of two orders are used only if they are well above the noise. Raises BadInput for another
     shape, values that are not finite, a field of zeros and a negative noise.
     """
     problem = _Problem.of(field, noise)

@@ -1,8 +1,9 @@
 """The power spectrum of an environment map, to orders beyond those that pictures of smooth lobes need.
 
-E_l = Σ_m |L_lm|² is what no turning of the surroundings changes; of light that may be turned anyhow, each coefficient
-of order l has the mean square E_l/(2l + 1). Rows of a lat-long map are transformed by the FFT over azimuth, and the
-columns of each order of azimuth summed against P̄_lm(cosθ), exact for the map's constant texels up to the rows' height.
+E_l = Σ_m |L_lm|² does not change if the environment rotates. Averaged over all rotations, each coefficient of order l
+has the mean square E_l/(2l + 1). An FFT over azimuth transforms the rows of a lat-long map. For each order of azimuth,
+the rows are then summed against P̄_lm(cosθ). For constant texels this is exact in azimuth; in elevation, each row uses
+P̄_lm at its middle.
 """
 
 import math

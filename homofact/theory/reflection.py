@@ -2,8 +2,8 @@
 
 Equation numbers are the chapter's. A homogeneous convex surface under distant light L blurs it with its transfer
 function ρ̂ = ρ cosθi: with Λ_l = √(4π/(2l+1)) a lobe that is symmetric about one direction gives
-B_lm = Λ_l ρ̂_l L_lm (3.10), where ρ̂ = Σ ρ̂_l Y_l0; any isotropic one B_lmpq = Λ_l L_lm ρ̂_lpq (3.5). What the
-functions of BRDFs return is the filter Λ_l ρ̂_l, dimensionless, which the chapter prints and plots; the mirror's
+B_lm = Λ_l ρ̂_l L_lm (3.10), where ρ̂ = Σ ρ̂_l Y_l0; any isotropic BRDF gives B_lmpq = Λ_l L_lm ρ̂_lpq (3.5). The
+functions for BRDFs return the dimensionless filter Λ_l ρ̂_l, which the chapter prints and plots. The filter of a mirror
 is 1 at every order. Lighting coefficients are ((order+1)²,) with (l, m) at l² + l + m (`theory.harmonics`).
 """
 
@@ -24,7 +24,7 @@ def normalisation(order: int) -> Tensor:
 def directional_lighting(order: int, direction: Tensor) -> Tensor:
     """L_lm = Y_lm of the direction of a source of unit irradiance (3.13): ((order+1)²,).
 
-    Along z it is δ_m0/Λ_l (3.14): the spectrum does not decay, and every order of a BRDF can be had from it.
+    Along z it is δ_m0/Λ_l (3.14): the spectrum does not decay, so every order of a BRDF can be recovered with it.
     """
     return harmonics(order, direction[None])[0]
 
@@ -57,8 +57,8 @@ def lambertian_filter(order: int) -> Tensor:
 def phong_filter(order: int, exponent: float) -> Tensor:
     """Λ_l ρ̂_l of Phong's normalised lobe (s+1)/2π cos^s about the mirror direction (3.37), s the `exponent`.
 
-    From l − 2 to l it is a factor (s − l + 2)/(s + l + 1): 0 from there on once s − l + 2 is 0, and alternating
-    beyond. Raises BadInput for s < 0.
+    From l − 2 to l, the filter changes by the factor (s − l + 2)/(s + l + 1). Once s − l + 2 is 0, every second value
+    from this l on is 0; where it is negative, signs alternate. Raises BadInput for s < 0.
     """
     if not exponent >= 0:
         raise BadInput(where="exponent", found=exponent, expected="0 or more")

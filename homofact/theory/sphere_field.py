@@ -1,13 +1,13 @@
 """The reflected light field of a sphere in harmonics, and the transfer function of a BRDF (Ramamoorthi 2002, 3.1.1).
 
 The surface with the normal (α, β) has the frame R = Rz(β) Ry(α): its z axis is the normal. Multiplied by cosθo, the
-transfer function is as symmetric as the BRDF (3.7), ρ̃ = f cosθi cosθo, and with real harmonics
+transfer function has the same reciprocity as the BRDF (3.7): ρ̃ = f cosθi cosθo. With real harmonics,
 
     ρ̃(ωi, ωo) = Σ ρ̃_lpq Y_lq(ωi) Y_pq(ωo),    B̃(α, β, ωo) = Σ B̃_lmpq C_lmpq,    C_lmpq = D^l_mq(R) Y_pq(ωo)/Λ_l
 
-with B̃_lmpq = Λ_l L_lm ρ̃_lpq (3.8). An isotropic BRDF that is symmetric left and right has ρ̃_lp−q = ρ̃_lpq, and the
+with B̃_lmpq = Λ_l L_lm ρ̃_lpq (3.8). An isotropic BRDF that is mirror-symmetric in Δφ has ρ̃_lp−q = ρ̃_lpq, and the
 sums (C_lmpq + C_lmp−q)/√2 are orthonormal: white noise in the light field is white noise in its coefficients.
-Coefficients lie as in `theory.reflection`: ρ̃ by [l, p, q + order], B̃ by [l² + l + m, p, q + order].
+Coefficients are stored as in `theory.reflection`: ρ̃ by [l, p, q + order], B̃ by [l² + l + m, p, q + order].
 """
 
 import math
@@ -27,9 +27,9 @@ from homofact.theory.reflection import normalisation
 def transfer_coefficients(reflectance: Reflectance, order: int, nodes: int | None = None) -> Tensor:
     """ρ̃_lpq of an isotropic BRDF, (order+1, order+1, 2·order+1, C) by [l, p, q + order]; 0 for |q| > min(l, p).
 
-    By quadrature with `nodes` nodes in cosθi and in cosθo and twice as many in Δφ (default: four times the order and
-    16; a sharp lobe needs more). It is symmetric in l and p as far as the BRDF is reciprocal. The part odd in Δφ, which
-    an isotropic BRDF may have, is averaged out.
+    By quadrature with `nodes` nodes in cosθi and in cosθo and twice as many in Δφ (default: 4 · order + 16; a sharp
+    lobe needs more). The result is symmetric in l and p if the BRDF is reciprocal. The part odd in Δφ, which an
+    isotropic BRDF may have, is averaged out.
     """
     count = 4 * order + 16 if nodes is None else nodes
     cosine, weights = gauss_legendre(count, 0.0, 1.0)
@@ -49,9 +49,9 @@ def transfer_coefficients(reflectance: Reflectance, order: int, nodes: int | Non
 
 
 def frames(normals: Tensor) -> Tensor:
-    """Return R = Rz(β)
+    """Return the frame R = Rz(β) Ry(α) of each normal as an array (N, 3, 3).
 
-    Ry(α), (N, 3, 3), of the normals (N, 3): columns x, y and z of each surface's frame in the world.
+    `normals` is (N, 3). The columns of R are the x, y and z axes of the surface's frame in world coordinates.
     """
     around = torch.hypot(normals[:, 0], normals[:, 1])
     beta = torch.atan2(normals[:, 1], normals[:, 0])
@@ -86,7 +86,7 @@ class SphereGrid:
 
     @cached_property
     def local_frames(self) -> Tensor:
-        """(N, 3, 3) as `frames` has them."""
+        """The frames (N, 3, 3) of the normals, as `frames` returns them."""
         return frames(self.normals)
 
 

@@ -1,4 +1,4 @@
-"""What the in-out terms cost and how well they do, beside a homomorphic fit of the same samples."""
+"""Cost and error of the in-out terms, compared with a homomorphic fit of the same samples."""
 
 import math
 from dataclasses import asdict, dataclass
@@ -40,10 +40,10 @@ class SvdError:
 
 @dataclass(frozen=True)
 class TermCosts:
-    """A fit and in-out terms on the same `samples` held-out samples, those within the count's limit.
+    """A fit and in-out terms on the same held-out samples; `samples` is the number of those within the limit.
 
-    `fit_error` is the fit's Cole error there; `counted` the terms that hold the share of the energy; `matching` the
-    fewest of 1, 2, 4 … terms that do as well as the fit, None where no number up to all does.
+    `fit_error` is the fit's Cole error there; `counted` are the terms that contain the share of the energy. `matching`
+    is the smallest of 1, 2, 4 … terms with an error no larger than the fit's; None if not even all terms reach it.
     """
 
     samples: int
@@ -57,12 +57,12 @@ class TermCosts:
 
 
 def against_fit(source: Source, row: ComparisonRow, count: InOutCount, held_out: float) -> TermCosts:
-    """Return the fit of `row` beside the in-out terms of `count`.
+    """Compare the fit of `row` with the in-out terms of `count`.
 
     Every channel has its own terms, evaluated from the decomposition itself: no map's resolution adds to the error.
-    They are of the source's reflectance, which for a measurement was interpolated from all of its samples, the
-    held-out ones too. Values below 0 are cut to 0, as for drawing. Raises BadInput where no held-out sample is
-    within the limit.
+    The terms approximate the source's reflectance. For a measurement, this reflectance is interpolated from all
+    samples, including the held-out ones. Values below 0 are clamped to 0, as in rendering. Raises BadInput where no
+    held-out sample is within the limit.
     """
     reflectance = source.reflectance
     decomposition = decompose(

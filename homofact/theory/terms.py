@@ -1,13 +1,15 @@
 """How many in-out terms a BRDF needs: predicted from its spectrum, and counted in its decomposition.
 
-Mahajan, Tseng and Ramamoorthi (2008): about the mirror direction the singular values on the sphere are F_l = Λ_l ρ̂_l,
-2l+1 times each (eq. 9), so K = (l* + 1)² (eq. 10); about l + 1 are left on hemispheres, half as many terms (eq. 13).
-For models of the half angle K ≈ (l*)²/4 (section 4). "Energy" is Σσ². For Phong, F_l ≈ exp(−l²/2s), the share p
-of it asks for K = s ln(1/(1 − p)) terms on the sphere in the limit, 4.6 s for 99%; the paper counts 5 s.
+Mahajan, Tseng and Ramamoorthi (2008): for a lobe about the mirror direction, the singular values on the sphere are F_l
+= Λ_l ρ̂_l, 2l+1 times each (eq. 9), so K = (l* + 1)² (eq. 10); on hemispheres, about l + 1 of these 2l+1 remain, which
+is half as many terms (eq. 13). For models of the half angle K ≈ (l*)²/4 (section 4). "Energy" is Σσ². For a Phong lobe
+with exponent s, F_l ≈ exp(−l²/2s). In the limit of large s, the share p of the energy needs K = s ln(1/(1 − p)) terms
+on the sphere, 4.6 s for 99%; the paper counts 5 s.
 
-K of a half-angle model depends on how far towards the horizon directions go: there the lobe narrows across the plane
-of incidence as cosθo (Ramamoorthi 2002, eq. 3.52), and the count of a solid angle grows as 1/cosθ, whose integral to
-the horizon has no end. Hence the `limit`, 85° unless told otherwise: the paper leaves out grazing angles too.
+K of a half-angle model depends on the largest angle of the directions. Towards the horizon, the lobe narrows across the
+plane of incidence as cosθo (Ramamoorthi 2002, eq. 3.52), and the number of terms per solid angle grows as 1/cosθ, whose
+integral to the horizon diverges. The angles therefore have a `limit`, by default 85°; the paper leaves out grazing
+angles too.
 """
 
 import math
@@ -38,9 +40,9 @@ class InOutCount:
     """How many in-out terms hold `share` of the energy (Σσ², mean of the channels, solid angle up to `limit` radians).
 
     `predicted` is (l* + 1)²/4 rounded, at least 1; `measured` is counted in the decomposition on `grid` (rings, turns);
-    `settled` says that the next coarser grid counted the same within 3% (or one term), `l_star_settled` that l* is
-    below the curve's highest order. Otherwise `measured` is a rough count, too many or too few, and l* a lower bound.
-    `singular_values` fall.
+    `settled` is True if the next coarser grid gave the same count within 3% (or one term); otherwise `measured` is a
+    rough count, which may be too large or too small. `l_star_settled` is True if l* is below the curve's highest order;
+    otherwise l* is a lower bound. `singular_values` decrease.
     """
 
     share: float
@@ -95,9 +97,10 @@ def predicted_terms(reflectance: Reflectance, share: float = 0.99, limit: float 
 def settled_decomposition(
     reflectance: Reflectance, share: float, limit: float = LIMIT, symmetry: Symmetry | None = None
 ) -> tuple[Decomposition, bool]:
-    """Return (the decomposition of the channels' mean on a grid fine enough for `share`, whether it was reached).
+    """Return (the channels' mean decomposed on a grid that is fine enough for `share`, whether the count settled).
 
-    Grids are refined until the count agrees with the one before within 3%; the finest is kept where none does.
+    Grids are refined until the count agrees with the previous count within 3% or one term; if none does, the finest
+    grid is used.
     """
     known = find_symmetry(reflectance, limit) if symmetry is None else symmetry
     before, decomposition = None, None

@@ -60,8 +60,7 @@ The other columns:
   uniform in the parabolic discs of both directions.
 - **search**: "reciprocal" if the fit is reciprocal, "free" if the search dropped reciprocity. **textures**: how
   many textures the fit has. A fit has fewer textures than allowed if one more texture would not lower the
-  validation error.
-  **s**: time of the fit in seconds."""
+  validation error. **s**: time of the fit in seconds."""
 LIMITATIONS = """\
 Each fit ran on one thread while other programs ran, so the times are longer than on an idle machine."""
 

@@ -58,10 +58,10 @@ light and viewer swapped. For a list, homofact therefore looks for the δ at whi
 from all other values. This works because the values of a reciprocal material are one smooth function of the half
 and difference angles (`homofact/brdf/quality/tilt_of_samples.py`).
 
-- **Reciprocity shows one angle.** Reciprocity depends only on the sum of the specimen's tilt and the angular errors
-of the two arms. homofact therefore finds one δ per table. A tilt across the plane of incidence is visible only in
-files that
-  distinguish the two sides of this plane. RGL's isotropic files do not: they are exactly symmetric about the plane.
+- **Reciprocity shows one angle.** Only the sum of the specimen's tilt and the angular errors of the two arms affects
+  reciprocity. homofact therefore finds one δ per table. A tilt across the plane of incidence is visible only in files
+  that distinguish the two sides of this plane. RGL's isotropic files do not: they are exactly symmetric about the
+  plane.
 - **The interval** (95%) comes from a bootstrap over the angles θd. If different θd suggest different tilts, the
   interval is wide.
 - **The table's own error.** RGL's tables have eight angles of incidence. Interpolation between them is uneven, so
@@ -71,9 +71,9 @@ files that
     - the interval of the tilt excludes 0, and the tilt is at least 0.005°;
     - a search with only the pairs near the plane of incidence finds at least half of the tilt (this fails for an
       anisotropic sample that was measured as isotropic);
-    - without the tilt, the lack of reciprocity ("misfit" below) is lower by at least a tenth, and by more than the
-    error of interpolation in the measured table ("the table's own" below). In a list, the error of the predictions
-    must be lower by at least a tenth;
+    - without the tilt, the lack of reciprocity ("misfit" below) is lower by at least a tenth, and its square is lower
+      by more than the square of the misfit that interpolation in the measured table causes ("the table's own" below).
+      In a list, the error of the predictions must be lower by at least a tenth;
     - it explains the lack of reciprocity better than an error of gain would: a factor that depends on the angle, such
       as a forgotten cosine.
 
@@ -85,8 +85,8 @@ Seven of the ten files are straightened. The floor of each of them falls, for th
 quarter (from 0.092 and 0.097 to 0.024). These seven files have 14 fits, two sizes each:
 
 - In 11 of the 14 cases, the fit of the straightened measurement has a lower error than the fit of the raw one. Both
-errors are measured against the straightened measurement. The fit of the straightened measurement has a higher error
-for cc_green_malachite and cc_iris_purple_gem with 3 × 32², and for irid_flake_paint1 with 2 × 16².
+  errors are measured against the straightened measurement. The fit of the straightened measurement has a higher error
+  for cc_green_malachite and cc_iris_purple_gem with 3 × 32², and for irid_flake_paint1 with 2 × 16².
 - The PSNR under the lamp rises in 9 fits, by up to 1.7 dB, and stays the same in 2. It falls by 0.2 to 1.1 dB in 3:
   both fits of vch_golden_yellow, and cc_iris_purple_gem with 2 × 16².
 """
@@ -102,8 +102,8 @@ LIMITS = """## Limits
   grows to tenths of a degree.
 - homofact uses one tilt angle for all angles of incidence.
 - After straightening, light directions closer to the normal than δ have no measured values. For pairs with such a
-light direction, homofact uses the values of the nearest slice (measured angle of incidence) at the same half
-vector.
+  light direction, homofact uses the values of the nearest slice (measured angle of incidence) at the same half
+  vector.
 """
 
 

@@ -42,10 +42,9 @@ the 100 MERL materials, in error, bytes and speed. The published representations
 the [references](references.bib). The tables also contain methods that homofact fits itself: GGX lobes and McCool's
 projections, and for a few materials also NPF ("NPF, fitted here") and NBRDF ("NBRDF, trained here"). The rows
 "ours" are homofact's search at three byte budgets. All other settings are the defaults of the version that made
-these tables. That version tried every mix of projections. Today the default effort tries the [known
-mixes](known_mixes.md) first. For measurements instead of published fits, read [Real measurements](real.md). To
-compare methods on
-your own file, run
+these tables. That version tried every mix of projections. Today the default effort starts from the [known
+mixes](known_mixes.md). For measurements instead of published fits, read [Real measurements](real.md). To compare
+methods on your own file, run
 
     homofact compare SOURCE --methods mccool,search,ggx,npf --plot out/methods.png
 
@@ -57,8 +56,9 @@ and three columns of [Scatter over seeds](#scatter-over-seeds) measure against t
 
 ![Error against bytes and speed](pictures/compression.png)"""
 READING = """\
-Each figure is a median over materials. The figure in brackets is the worse end: a tenth of the materials is worse.
-It is the 90th percentile of an error, and the 10th percentile of SSIM and PSNR, where larger is better.
+Each figure is a median over materials. Do not compare rows of 3 or 4 materials with rows of 100 materials. The
+figure in brackets is the worse end: a tenth of the materials is worse. It is the 90th percentile of an error, and the
+10th percentile of SSIM and PSNR, where larger is better.
 
 - **MALE** is the mean of |log(1 + f cosθi) − log(1 + f̂ cosθi)|, **Cole** the Cole error with ε = 1e-2, and
   **energy** the relative error of the total reflected light in the worst channel ([glossary](glossary.md)). All
@@ -79,11 +79,10 @@ same two proxies. The rows for npf and nps work in the same way. "Added by the f
 figure minus its proxy's figure. For MALE and energy, a positive difference means that the fit is worse. For PSNR, a
 negative one does. "Fit better in" counts pairs of a material and another proxy. It is the share of pairs in which
 the fit is nearer to the other proxy than its own proxy is. homofact adds almost no error at any budget. By MALE and
-PSNR, its fits of nbrdf and nps are in most cases
-even slightly nearer to the other proxies than nbrdf and nps themselves. A fit has no information beyond its proxy.
-However, it may not reproduce an error that only its proxy has, and is then nearer to the other proxies. For
-comparison, McCool's projections and GGX, fitted to the same
-proxies, add a clear error."""
+PSNR, its fits of nbrdf and nps are in most cases even slightly nearer to the other proxies than nbrdf and nps
+themselves. A fit has no information beyond its proxy. However, it may not reproduce an error that only its proxy has,
+and is then nearer to the other proxies. For comparison, McCool's projections and GGX, fitted to the same proxies, add
+a clear error."""
 OTHERS = """\
 Each published fit is compared with the proxies other than itself. Each method that homofact fits to one proxy is
 compared with the two other proxies. In the rows "mean of two proxies", homofact fits the mean of two proxies and

@@ -117,20 +117,36 @@ def ahead(found: Sequence[Entry]) -> tuple[str, str]:
                     cell, count, level = f"{figure(a)} / {figure(b)}", count + 1, level + close
                     cells.append(f"{cell} ≈" if close else cell if first else f"**{cell}**")
                     if not first and not close:
-                        behind.append((label, by, f"{name} ({words})"))
+                        behind.append((by, label, name, words))
             rows.append((by, label, mine.removeprefix("ours "), len(shared), *cells))
     heads = [f"{name}, {words}" for name in CRITERIA for words in ("median", "worse tenth")]
     text = markdown(("judged by", "against", "ours", "materials", *heads), rows, 2)
-    named = [
-        f"against {label}, judged by {by}: " + ", ".join(which for a, b, which in behind if (a, b) == (label, by))
-        for label, by in dict.fromkeys((label, by) for label, by, _ in behind)
-    ]
     summary = (
         f"homofact is ahead in {count - len(behind) - level} of {count} figures, level in {level} and behind in"
         f' {len(behind)}. "Level" (≈) means within {LEVEL:.0%}, or within {LEVEL_DB} dB of PSNR.'
-        + (f" homofact is behind (bold) in these figures: {'; '.join(named)}." if named else "")
+        + (f" The figures in which homofact is behind are bold. {_behind_in_words(behind)}" if behind else "")
     )
     return text, summary
+
+
+def _behind_in_words(behind: Sequence[tuple[str, str, str, str]]) -> str:
+    """A sentence per judge on the figures (judge, method, criterion, "median" or "worse tenth") that are behind."""
+    sentences = []
+    for by in dict.fromkeys(row[0] for row in behind):
+        parts = []
+        for label in dict.fromkeys(row[1] for row in behind if row[0] == by):
+            criteria: dict[str, list[str]] = {}
+            for *_, name, words in (row for row in behind if row[:2] == (by, label)):
+                criteria.setdefault(name, []).append(words)
+            parts.append(f"behind {label} in {_listed([f'{n} ({_listed(words)})' for n, words in criteria.items()])}")
+        *first, last = parts
+        sentences.append(f"Judged by {by}, it is {', '.join(first)}{', and ' if first else ''}{last}.")
+    return " ".join(sentences)
+
+
+def _listed(items: Sequence[str]) -> str:
+    *first, last = items
+    return f"{', '.join(first)} and {last}" if first else last
 
 
 def order(found: Sequence[Entry]) -> str:

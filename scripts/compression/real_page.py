@@ -73,13 +73,14 @@ green albedo is only 0.008, against 0.043 at 10°, and these fits follow the nei
 SAMPLED = """\
 The files of the paints and the tape are lists of samples, so the values between the samples are unknown. The table
 therefore has no picture errors and no albedo, energy or highlight. Each cell gives MALE and the relative RMS of f cosθi
-cosθo at samples that the fit has not seen. Each pair of directions is first rotated about the normal by a random angle.
-"Left-out samples" are a random 20%; they have neighbours on their own ring of the goniometer. "Left-out rings" are
-every third inner ring of θi, all left out at once; they show how the fit behaves at unmeasured angles. The tape has one
-channel and no rings of θi. For the tape, the other methods need only a third of the bytes in the table, while ours uses
-the full budget for its one channel. Among cayman's left-out samples, one of 288 makes up 99% of the squared values. The
-RMS of this column therefore shows how well a fit predicts this one sample: ours at 3.2 KiB predicts it, ours at 12 KiB
-misses it (RMS 1)."""
+cosθo at samples that the fit has not seen. Before this comparison, homofact rotates each pair of directions about the
+normal by a random angle. Otherwise the comparison would favour fits that depend on the azimuth and are right only at
+the measured azimuths. "Left-out samples" are a random 20%; they have neighbours on their own ring of the goniometer.
+"Left-out rings" are every third inner ring of θi, all left out at once; they show how the fit behaves at unmeasured
+angles. The tape has one channel and no rings of θi. For the tape, the other methods need only a third of the bytes in
+the table, while ours uses the full budget for its one channel. Among cayman's left-out samples, one of 288 makes up 99%
+of the squared values. The RMS of this column therefore shows how well a fit predicts this one sample: ours at 3.2 KiB
+predicts it, ours at 12 KiB misses it (RMS 1)."""
 LIMITS = """\
 - Ten RGL files do not represent all materials, and all ten are isotropic.
 - We compare our fits and the published networks with the file that each was fitted to. MALE uses new pairs of

@@ -201,9 +201,10 @@ def figure_5(have: Found, target: Path, pixels: int, few: bool) -> list[str]:
     drawn(target, rows)
     return [
         "Incremental updates compared with non-linear approximation, as in figure 5. The edit draws a coloured rise"
-        f" beside the narrow peak of a Cook-Torrance curve. After one frame, which adds {TERMS} wavelets of the change"
-        f" of the curve, the error of the picture is {errors[0]:.2%}. With the {TERMS} largest wavelets of the curve"
-        f" itself, the error is {errors[1]:.2%}. Both are relative RMS errors against all bands."
+        f" beside the narrow peak of a Cook-Torrance curve. One frame adds {TERMS} wavelets of the change of the curve."
+        f" After this frame, the error of the picture is {errors[0]:.2%}. With the {TERMS} largest wavelets of the"
+        f" curve itself, the error is {errors[1]:.2%}. Both are relative RMS errors, compared with the picture from all"
+        " bands."
     ]
 
 

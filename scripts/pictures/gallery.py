@@ -116,7 +116,8 @@ def main(arguments: list[str] | None = None) -> int:
         "`python scripts/pictures/gallery.py` makes these sheets and this table. [Light](light.md) explains energy,"
         " worst directional albedo, relative RMS, the floor (the smallest RMS of any reciprocal fit), and the PSNR"
         " under the sky. A fit can have an RMS below the floor if the search dropped reciprocity. RMS and floor are"
-        " errors of f. The floors on the page [Straighten a measurement](straightening.md) are errors of f cosθi cosθo,"
+        " errors of f. The columns `rms` and `floor` of `homofact factorize` and the floors on the page [Straighten a"
+        " measurement](straightening.md) are errors of f cosθi cosθo,"
         " so they differ. The Cole error is measured on held-out samples (20% of all samples). For a list of samples,"
         " the table has only this error, because the others need a source that homofact can evaluate everywhere."
     )

@@ -269,9 +269,10 @@ average. No ε can repair that.
 
 ## Results
 
-The table repeats cells of [Where fits fail](stability.md) without and with the option. A cell is one combination of a
-fault, its strength and a method. Each cell is fitted for {seeds} random draws. `light` is the total reflected light of
-the fit, divided by the light of the clean material, in the band of incidence angles where this ratio is farthest from
+The table compares fits without and with the option. Material, settings and clean samples are those of [Where fits
+fail](stability.md). Some of the faults and strengths are different. Each row is one combination of a fault, its
+strength and a method, fitted for {seeds} random draws. `light` is the total reflected light of the fit, divided by
+the light of the clean material, in the band of incidence angles where this ratio is farthest from
 1. `explained` is the share of the variance of the clean logarithms that the fit explains. Both columns give the
 worst of the {seeds}
 draws. A fit is good if `light` is within 15% of 1 and `explained` is at least 90%. "Share × 300" multiplies a random

@@ -11,8 +11,8 @@ import homofact
 
 # What a function does. Attributes, properties and classes are described by noun phrases (PEP 257).
 VERBS = {
-    "Choose", "Draw", "Factor", "Find", "Fit", "Make", "Measure", "Precompute", "Predict", "Read", "Return", "Run",
-    "Say", "Write",
+    "Choose", "Describe", "Draw", "Factor", "Find", "Fit", "Make", "Measure", "Precompute", "Predict", "Read",
+    "Return", "Run", "Say", "Write",
 }  # fmt: skip
 
 

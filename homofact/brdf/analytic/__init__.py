@@ -1,6 +1,6 @@
-"""Analytic BRDF models, one published family a file; each is a `Reflectance` with its paper's parameters.
+"""Analytic BRDF models: one published family per file, each a `Reflectance` with the parameters of its paper.
 
-They are loaded when first used: most need torch, which `homofact.runtime` goes without.
+A model is imported at its first use, because most models need torch and `homofact.runtime` works without it.
 """
 
 from importlib import import_module

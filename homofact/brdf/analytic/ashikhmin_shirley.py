@@ -3,8 +3,8 @@
 ρs = √((nu+1)(nv+1))/8π · (n·h)^((nu (h·u)² + nv (h·v)²)/(1 − (n·h)²)) / ((h·k) max(n·k1, n·k2)) · F(k·h)
 ρd = 28 Rd/23π · (1 − Rs)(1 − (1 − n·k1/2)⁵)(1 − (1 − n·k2/2)⁵)
 
-F is Schlick's, from Rs at normal incidence. It conserves energy and is reciprocal; the lobe is wide along
-the axis of the small exponent.
+F is Schlick's approximation with the reflectance Rs at normal incidence. The model conserves energy and is reciprocal.
+The lobe is wider along the axis with the smaller exponent.
 """
 
 import math

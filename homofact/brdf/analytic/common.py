@@ -1,8 +1,8 @@
-"""What the analytic models share: the `Reflectance` front door, checks of parameters, safe geometry.
+"""The base class of the analytic models, checks of their parameters, and geometry without division by zero.
 
-A model writes only its formula; `evaluate` cuts what is under the horizon. Every formula is written to
-stay finite: denominators that vanish when a direction grazes are kept above `MIN_COSINE`, and the cosine
-between a direction and the half vector comes from |ωi + ωo|/2, which is the same number for both.
+A model only defines `formula`; `evaluate` returns 0 below the horizon. Every formula stays finite: cosines in
+denominators are at least `MIN_COSINE`. The cosine between a direction and the half vector is computed as |ωi + ωo|/2,
+which is the same for both directions.
 
 The functions here take tensors or NumPy arrays (`geometry.namespace`) and load no torch.
 """
@@ -57,8 +57,8 @@ class AnalyticModel(ABC):
     def evaluate(self, wi: "Tensor", wo: "Tensor") -> "Tensor":
         """Return BRDF values (N, C) in sr⁻¹, linear, without the cosine; 0 where a direction is under the horizon.
 
-        `wi`, `wo` are (N, 3) unit vectors in the surface frame. Finite and non-negative everywhere: where a
-        model diverges as both directions graze, cosines below 1e-6 count as 1e-6.
+        `wi`, `wo` are (N, 3) unit vectors in the surface frame. Values are finite and non-negative everywhere. If a
+        model diverges at grazing angles, it uses cosines of at least 1e-6.
         """
         above = (wi[..., 2] >= 0) & (wo[..., 2] >= 0)
         values = self.formula(wi, wo)
@@ -83,7 +83,7 @@ class AnalyticModel(ABC):
             raise BadInput(f"{who} is {value}", expected="finite numbers >= 0")
 
     def check_above(self, name: str, bound: float, inclusive: bool = False) -> None:
-        """Refuse a scalar field that is not finite and above (or at, where `inclusive`) `bound`."""
+        """Raise BadInput unless a scalar field is finite and above `bound` (or equal to it, if `inclusive`)."""
         value = getattr(self, name)
         if not math.isfinite(value) or value < bound or (value == bound and not inclusive):
             sign = ">=" if inclusive else ">"
@@ -104,19 +104,20 @@ def _count(value: Any) -> int:
 def half_vector(wi: "Tensor", wo: "Tensor") -> "tuple[Tensor, Tensor]":
     """Return (h, cosθd): the unit half vector (..., 3) and cosθd = h·ωi = h·ωo = |ωi + ωo|/2 (...).
 
-    Back to back on the horizon h is undefined; the normal takes its place, with cosθd = 0.
+    If ωi and ωo are opposite directions on the horizon, h is undefined; the function then returns the normal and cosθd
+    = 0.
     """
     total = wi + wo
     return normalized(total), length(total) / 2
 
 
 def grazing(cosine: "Tensor") -> "Tensor":
-    """Return a cosine fit to divide by: at least `MIN_COSINE`."""
+    """Return the cosine, but at least `MIN_COSINE`, so that it is safe to divide by."""
     return namespace(cosine).clip(cosine, MIN_COSINE, None)
 
 
 def v_grooves(wi: "Tensor", wo: "Tensor") -> "Tensor":
-    """Masking of Torrance and Sparrow's V-grooves, min(1, 2 (n·h)(n·ωo)/(h·ωo), 2 (n·h)(n·ωi)/(h·ωi)), (...)."""
+    """Return V-groove masking min(1, 2 (n·h)(n·ωo)/(h·ωo), 2 (n·h)(n·ωi)/(h·ωi)), (...)."""
     h, cosine = half_vector(wi, wo)
     library = namespace(wi)
     least = library.minimum(grazing(wi[..., 2]), grazing(wo[..., 2]))
@@ -124,5 +125,5 @@ def v_grooves(wi: "Tensor", wo: "Tensor") -> "Tensor":
 
 
 def schlick(normal_incidence: "Tensor", cosine: "Tensor") -> "Tensor":
-    """Schlick's Fresnel F0 + (1 − F0)(1 − cosθd)⁵, (N, C) from F0 (C,) and cosθd (N,) (Schlick 1994)."""
+    """Return Schlick's F0 + (1 − F0)(1 − cosθd)⁵ (N, C), for F0 (C,) and cosθd (N,) (Schlick 1994)."""
     return normal_incidence + (1 - normal_incidence) * (namespace(cosine).clip(1 - cosine, 0, 1) ** 5)[..., None]

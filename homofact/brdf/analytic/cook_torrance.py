@@ -1,13 +1,12 @@
-"""Cook and Torrance (1982), the distribution as Foley, van Dam, Feiner and Hughes (1990, 16.7) print it.
+"""The model of Cook and Torrance (1982), with the distribution as in Foley, van Dam, Feiner and Hughes (1990, 16.7).
 
 f = kd/π + ks F D G/(π cosθi cosθo)
 
-D = exp(−(tan β/m)²)/(4 m² cos⁴β), β the angle of h from the normal, m the RMS slope. Foley's 4 in D
-together with the π in front is the normalised form: 4D/π integrates to 1 as ∫ · cosβ dω.
-G = min(1, 2 (n·h)(n·ωo)/(h·ωo), 2 (n·h)(n·ωi)/(h·ωi)), the V-grooves of Torrance and Sparrow.
-F = ½ (g−c)²/(g+c)² (1 + ((c(g+c)−1)/(c(g−c)+1))²) with c = h·ωi, g² = η² + c² − 1: the unpolarised
-Fresnel reflectance of a dielectric, whose index Cook and Torrance take from the reflectance at normal
-incidence, η = (1+√F0)/(1−√F0).
+D = exp(−(tan β/m)²)/(4 m² cos⁴β), β the angle of h from the normal, m the RMS slope. The 4 in Foley's D and the π in
+the denominator of f together normalise the distribution: ∫ (4D/π) cosβ dω = 1. G = min(1, 2 (n·h)(n·ωo)/(h·ωo), 2
+(n·h)(n·ωi)/(h·ωi)), the V-grooves of Torrance and Sparrow. F = ½ (g−c)²/(g+c)² (1 + ((c(g+c)−1)/(c(g−c)+1))²) with c =
+h·ωi, g² = η² + c² − 1: the unpolarised Fresnel reflectance of a dielectric, whose index Cook and Torrance take from the
+reflectance at normal incidence, η = (1+√F0)/(1−√F0).
 """
 
 import math
@@ -22,7 +21,7 @@ from homofact.errors import BadInput
 
 @dataclass(frozen=True)
 class CookTorrance(AnalyticModel):
-    """The formula of the module's head in sr⁻¹.
+    """The model of the module docstring; values in sr⁻¹.
 
     `diffuse` kd and `specular` ks scale the two parts, `roughness` is m, `reflectance` is F0, the Fresnel
     reflectance at normal incidence in (0, 1), the same for all channels as in a dielectric.
@@ -61,7 +60,7 @@ class CookTorrance(AnalyticModel):
 
 
 def dielectric(cosine: Tensor, index: float) -> Tensor:
-    """Unpolarised Fresnel reflectance in [0, 1] at the angle of `cosine` from air into `index` ≥ 1."""
+    """Return the unpolarised Fresnel reflectance in [0, 1] from air into `index` ≥ 1, at the angle with `cosine`."""
     c = cosine.clamp(0, 1)
     g = torch.sqrt(index**2 + c**2 - 1)
     parallel = (c * (g + c) - 1) / (c * (g - c) + 1)

@@ -7,7 +7,7 @@ G/(4 cosθi cosθo) = ½/(cosθo √(cos²θi (1 − α²) + α²) + cosθi √(
                                                         Smith's, both directions together (Heitz 2014, eq. 99)
 F = F0 + (1 − F0)(1 − cosθd)⁵                                                   Schlick 1994
 
-Each lobe has its own α, F0 and colour ks, which may be larger than 1: a fit to a measurement is free to be.
+Each lobe has its own α, F0 and colour ks. ks may exceed 1, since fits to measurements can need larger values.
 """
 
 import math
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class GgxLobe:
-    """One lobe: `roughness` α > 0, `reflectance` F0 in [0, 1] of all channels, `specular` ks."""
+    """One lobe: `roughness` α > 0, `reflectance` F0 in [0, 1] for all channels, and `specular` ks per channel."""
 
     specular: Colour
     roughness: float
@@ -33,7 +33,7 @@ class GgxLobe:
 
 @dataclass(frozen=True)
 class GgxBrdf(AnalyticModel):
-    """The formula of the module's head in sr⁻¹, `diffuse` kd."""
+    """The model of the module docstring; values in sr⁻¹, `diffuse` is kd."""
 
     diffuse: Colour
     lobes: tuple[GgxLobe, ...]

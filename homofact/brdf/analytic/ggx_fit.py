@@ -1,11 +1,11 @@
-"""GGX lobes over a diffuse base, fitted to samples (`analytic.nonlinear` has what is minimised).
+"""Fit GGX lobes over a diffuse base to samples; `analytic.nonlinear` defines the objective.
 
-Parameters are free numbers: colours are squares of them, α an exponential, F0 a logistic function. With b = F g the
-lobe of one colour (`analytic.ggx`), g = D G/(4 cosθi cosθo) and a = log α,
+The fit solves for unconstrained numbers: colours are their squares, α is an exponential and F0 a logistic function of
+them. With b = F g the lobe of one colour (`analytic.ggx`), g = D G/(4 cosθi cosθo) and a = log α,
 
     ∂ log g/∂a = 2 − 4 α² cos²θh/(cos²θh (α² − 1) + 1) − (∂m/∂a)/m
 
-with the masking m = cosθo √(cos²θi (1 − α²) + α²) + cosθi √(cos²θo (1 − α²) + α²), so slopes cost little.
+with the masking m = cosθo √(cos²θi (1 − α²) + α²) + cosθi √(cos²θo (1 − α²) + α²), so derivatives are cheap to compute.
 """
 
 import math
@@ -28,7 +28,7 @@ _LEAST, _MOST = 1e-4, 3.0
 
 
 def fit_ggx(samples: Samples, lobes: int, seed: int, least_reflectance: float = 0.0) -> tuple[GgxBrdf, Report]:
-    """Return a diffuse base and so many GGX lobes, of an F0 of at least so much."""
+    """Return (a diffuse base with `lobes` GGX lobes of F0 ≥ `least_reflectance`, the report of the fit)."""
     data = CubeRoots.of(samples, seed)
     sum_of_lobes = _Lobes.at(data.samples, lobes, least_reflectance)
     floor, root, target = data.floor, as_array(data.root), as_array(data.target)
@@ -121,9 +121,10 @@ class _Lobes:
 
 
 def starts(samples: Samples, shapes: Sequence[float], lobes: int, own: bool) -> list[np.ndarray]:
-    """Return starts (P,) for every choice of `shapes`: a base of half the median, lobes of a tenth, F0 of .05.
+    """Return start parameters (P,) per choice of `shapes`: base of half the median of f, ks = .1, F0 = .05.
 
-    `own` is whether each lobe has its own F0, behind its shape.
+    If `own` is set, each lobe has its own F0, stored after its shape. Otherwise all lobes share one F0, stored after
+    the base.
     """
     median = np.quantile(as_array(samples.values), 0.5, axis=0, method="lower")
     base = np.sqrt(0.5 * math.pi * np.maximum(median, 1e-6))
@@ -141,7 +142,7 @@ def starts(samples: Samples, shapes: Sequence[float], lobes: int, own: bool) -> 
 
 
 def colour(x: np.ndarray) -> tuple[float, ...]:
-    """Return the colour of its free numbers."""
+    """Return the colour (C,) for its unconstrained numbers `x`: their squares."""
     return tuple((x**2).tolist())
 
 

@@ -2,8 +2,8 @@
 
 f = ρd/π + Σ [Cxy(ωi.x ωo.x + ωi.y ωo.y) + Cz ωi.z ωo.z]₊ⁿ
 
-Cxy < 0 with Cz > 0 is a lobe about (or off) the mirror direction, both > 0 is retroreflection. The lobes
-carry their scale in the coefficients: no normalisation in front. Every channel has its own numbers.
+Cxy < 0 with Cz > 0 gives a lobe about the mirror direction (or off it); both > 0 gives retroreflection. The
+coefficients contain the scale of a lobe, so there is no normalisation factor. Every channel has its own coefficients.
 """
 
 import math
@@ -27,7 +27,7 @@ class Lobe:
 
 @dataclass(frozen=True)
 class Lafortune(AnalyticModel):
-    """The formula of the module's head in sr⁻¹: `diffuse` ρd and any number of lobes."""
+    """The model of the module docstring in sr⁻¹, with `diffuse` ρd and any number of lobes."""
 
     diffuse: Colour
     lobes: tuple[Lobe, ...]

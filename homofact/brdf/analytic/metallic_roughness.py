@@ -13,10 +13,12 @@ every angle, which suits most rough metals better. The diffuse part of each chan
 as in three.js and Khronos's sample viewer. The text of the extension uses 1 − the largest F for all channels, which
 gives another result if k is coloured.
 
-KHR_materials_clearcoat puts a layer over it, of its own roughness: κ s' + (1 − κ) material, κ = clearcoat · F(.04).
+KHR_materials_clearcoat adds a layer with its own roughness on top of the material: κ s' + (1 − κ) material, κ =
+clearcoat · F(.04).
 
-KHR_materials_anisotropy makes the lobe longer along the tangent, αt = α + (1 − α) strength² and αb = α, the tangent
-turned by a rotation; D = 1/(π αt αb ((t·H/αt)² + (b·H/αb)² + (N·H)²)²), and V the extension's, height-correlated.
+KHR_materials_anisotropy makes the lobe longer along the tangent t, which the parameter `rotation` turns: αt = α + (1 −
+α) strength² and αb = α. Then D = 1/(π αt αb ((t·H/αt)² + (b·H/αb)² + (N·H)²)²), and V is the height-correlated term of
+the extension.
 """
 
 import math
@@ -35,9 +37,9 @@ _LEAST_ALPHA = 1e-4
 
 @dataclass(frozen=True)
 class MetallicRoughness(AnalyticModel):
-    """The formula of the module's head in sr⁻¹; every number in [0, 1], the rotation in radians, against the clock.
+    """The model of the module docstring in sr⁻¹; parameters in [0, 1], but `rotation` in radians, counterclockwise.
 
-    `specular_colour` may be more than 1, as the extension allows; None is 1 in every channel.
+    `specular_colour` may exceed 1, as the extension allows; None means 1 in every channel.
     """
 
     base_colour: Colour
@@ -68,7 +70,7 @@ class MetallicRoughness(AnalyticModel):
 
     @property
     def extended_specular(self) -> bool:
-        """Whether the dielectric's Fresnel term is another than F(.04)."""
+        """Whether the Fresnel term of the dielectric differs from F(.04)."""
         return self.specular != 1 or self.specular_colour is not None
 
     @property
@@ -92,10 +94,11 @@ class MetallicRoughness(AnalyticModel):
 def base_parts(
     channels: int, numbers: Tensor, along: Tensor | None, fresnel: Tensor | None, wi: Tensor, wo: Tensor
 ) -> tuple[Tensor, Tensor]:
-    """(a, b), each (N, C) in sr⁻¹, of the material a + b · base colour: whatever the angles, it is linear in that.
+    """Return (a, b), each (N, C) in sr⁻¹, such that the material is a + b · base colour at every pair.
 
-    `numbers` are metallic, roughness, clearcoat and its roughness; `along` strength and rotation; `fresnel` F0 in every
-    channel and σ, as in the module's head.
+    `numbers` are metallic, roughness, clearcoat and clearcoat roughness. `along` contains the strength and rotation of
+    the anisotropy, or is None. `fresnel` contains F0 of every channel and then σ (see the module docstring), or is
+    None.
     """
     metallic, roughness, coat, coat_roughness = numbers
     h, towards = half_vector(wi, wo)

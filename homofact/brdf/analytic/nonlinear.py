@@ -1,11 +1,13 @@
 """Models of a few parameters fitted by nonlinear least squares.
 
-Minimised is Σ w (∛(f̂ cosθi + δ) − ∛(f cosθi + δ))² over pairs and channels: the cube root keeps a highlight from
-drowning all else, and came nearest to what people judged in a comparison of metrics (Fores, Ferwerda and Gu 2012). δ is
-a thousandth of the mean of f cosθi and only keeps slopes finite. w are the samples' weights over the discs.
+The fit minimises Σ w (∛(f̂ cosθi + δ) − ∛(f cosθi + δ))² over pairs and channels, where f̂ is the model and f the
+sample. The cube root keeps the highlight from dominating the sum, and it agreed best with people's judgements in a
+comparison of metrics (Fores, Ferwerda and Gu 2012). δ is a thousandth of the mean of f cosθi and only keeps derivatives
+finite. w are the weights of the samples for means over the discs (`brdf.pair_density`).
 
-scipy's trust region method from every start that the model names, with slopes by forward differentiation or the
-model's own. Counted work; nothing is drawn but the samples where there are more than `MOST_SAMPLES`.
+scipy's trust region method runs from every start of the model, with derivatives from forward-mode automatic
+differentiation or from the model itself. The number of evaluations is limited, not the time. The only random choice is
+a subset of the samples, if there are more than `MOST_SAMPLES`.
 """
 
 import warnings
@@ -27,13 +29,13 @@ MOST_SAMPLES, MOST_EVALUATIONS = 8000, 100
 
 @dataclass(frozen=True)
 class CubeRoots:
-    """What the module's head minimises, on `samples`."""
+    """The objective of the module docstring, on `samples`."""
 
     samples: Samples
 
     @classmethod
     def of(cls, samples: Samples, seed: int, most: int = MOST_SAMPLES) -> "CubeRoots":
-        """On at most so many samples, drawn by a seed."""
+        """Return the objective on at most `most` samples, drawn by `seed`."""
         return cls(samples.subset(most, seed))
 
     def compressed(self, values: Tensor) -> Tensor:
@@ -64,10 +66,10 @@ class CubeRoots:
 def fit_parameters(
     model: Callable[[Tensor, Tensor, Tensor], Tensor], starts: Sequence[np.ndarray], samples: Samples, seed: int
 ) -> tuple[Tensor, Report]:
-    """Return (the parameters (P,) float64 with the least sum, how they were reached).
+    """Return (the best parameters (P,) in float64, the report of the fit).
 
-    `model(parameters, wi, wo)` gives values (N, C) for any parameters, bounded by its own transforms, in operations
-    that torch differentiates.
+    `model(parameters, wi, wo)` returns values (N, C) for any real parameters: the model itself maps them into their
+    bounds. It uses only operations that torch can differentiate.
     """
     data = CubeRoots.of(samples, seed)
     wi, wo = data.samples.wi, data.samples.wo
@@ -94,9 +96,9 @@ def least(
     starts: Sequence[np.ndarray],
     seed: int,
 ) -> tuple[np.ndarray, Report]:
-    """Return (the parameters (P,) with the least sum of squares from any of the starts, how they were reached).
+    """Return (the parameters (P,) with the least sum of squares over all starts, the report of the fit).
 
-    `residuals` of parameters are (R,), their `slopes` (R, P).
+    `residuals(parameters)` returns the residuals (R,), and `slopes(parameters)` their derivatives (R, P).
     """
     from scipy.optimize import least_squares  # a tenth of a second to load
 

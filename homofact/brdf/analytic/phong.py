@@ -1,9 +1,9 @@
 """Phong's lobe about the mirror direction and Blinn's about the half vector, as reciprocal BRDFs.
 
-Phong (1975) gave light reflected towards the eye, without a unit. Divided by no cosine and normalised it
-is a BRDF (Lewis 1994): with r the mirror of ωi, r·ωo = 2 ωi.z ωo.z − ωi·ωo is symmetric, hence reciprocal,
-and ∫ (n+2)/2π (r·ωo)ⁿ cosθo dωo is 1 at normal incidence and less elsewhere. Blinn (1977) puts (n·h)ⁿ in
-its place; its integral at normal incidence is 8π(2^(−n/2) + n)/((n+2)(n+4)) (Giesen 2009).
+Phong (1975) defined the light reflected towards the eye, without a unit. If it is normalised and not divided by a
+cosine, it is a BRDF (Lewis 1994). With r the mirror direction of ωi, r·ωo = 2 ωi.z ωo.z − ωi·ωo is symmetric, so the
+BRDF is reciprocal. ∫ (n+2)/2π (r·ωo)ⁿ cosθo dωo is 1 at normal incidence and less elsewhere. Blinn (1977) uses (n·h)ⁿ
+instead of (r·ωo)ⁿ; its integral at normal incidence is 8π(2^(−n/2) + n)/((n+2)(n+4)) (Giesen 2009).
 """
 
 import math

@@ -2,8 +2,9 @@
 
 f = kd/π + F G/(4 cosθi cosθo) Σ aⱼ exp(λⱼ (cosθh − 1))
 
-G = min(1, 2 (n·h)(n·ωo)/(h·ωo), 2 (n·h)(n·ωi)/(h·ωi)), the V-grooves of Torrance and Sparrow, and Schlick's F, one F0
-for all Gaussians. Wang et al. fit the same sum and take a shadowing term from it; this one has no parameters.
+G = min(1, 2 (n·h)(n·ωo)/(h·ωo), 2 (n·h)(n·ωi)/(h·ωi)), the V-grooves of Torrance and Sparrow. F is Schlick's
+approximation, with one F0 for all Gaussians. Wang et al. fit the same sum but derive their shadowing term from it; the
+V-grooves have no parameters.
 """
 
 import math
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Gaussian:
-    """One Gaussian about the normal: `amplitude` aⱼ a channel, in sr⁻¹, and `sharpness` λⱼ > 0."""
+    """One Gaussian about the normal: `amplitude` aⱼ per channel in sr⁻¹, and `sharpness` λⱼ > 0."""
 
     amplitude: Colour
     sharpness: float
@@ -28,7 +29,7 @@ class Gaussian:
 
 @dataclass(frozen=True)
 class SphericalGaussians(AnalyticModel):
-    """The formula of the module's head in sr⁻¹; `reflectance` is F0 in [0, 1]."""
+    """The model of the module docstring; values in sr⁻¹, `reflectance` is F0 in [0, 1]."""
 
     diffuse: Colour
     gaussians: tuple[Gaussian, ...]

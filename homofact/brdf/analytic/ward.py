@@ -3,8 +3,8 @@
 f = ρd/π + ρs exp(−tan²δ (cos²φ/αx² + sin²φ/αy²))/(√(cosθi cosθo) 4π αx αy)
 
 δ and φ are the polar and azimuth angles of h, αx and αy the standard deviations of the slope along the
-tangent and the binormal. It diverges as 1/√(cosθi cosθo) when both directions graze, where `evaluate`
-stops at cosines of 1e-6.
+tangent and the binormal. It diverges as 1/√(cosθi cosθo) at grazing angles, so `evaluate` uses cosines of at least
+1e-6.
 """
 
 import math
@@ -18,7 +18,7 @@ from homofact.brdf.analytic.common import AnalyticModel, Colour, grazing, half_v
 
 @dataclass(frozen=True)
 class Ward(AnalyticModel):
-    """The formula of the module's head in sr⁻¹.
+    """The model of the module docstring; values in sr⁻¹.
 
     `diffuse` ρd, `specular` ρs, `alpha_x` and `alpha_y` the RMS slopes; ρd + ρs ≤ 1 conserves energy for
     α of at most about 0.2, as Ward's normalisation is approximate.

@@ -1,5 +1,5 @@
-"""BRDF files: one module a format, reader and writer side by side; a reader is chosen by what a file holds, never by
-its name.
+"""Read and write BRDF files, with one module per format. The reader is chosen by the content of a file, never by its
+name.
 """
 
 import os
@@ -40,11 +40,11 @@ _HEAD = 65_536
 
 
 def open_file(path: str | os.PathLike[str], channels: str = "rgb", drawing: Drawing | None = None) -> Reading:
-    """Return what a file of any known format holds, as "rgb", "spectral" or "luminance"; FILE#NAME picks one of many.
+    """Read a file of any known format in `channels` "rgb", "spectral" or "luminance"; FILE#NAME selects a material.
 
-    `drawing` is how a file that is a model is sampled. Raises BadInput for a missing, unreadable or empty
-    file, a folder, and content that no reader knows (saying what a table of text lacks, else listing the formats),
-    besides what the format's reader raises.
+    `drawing` sets how a reflectance that is defined everywhere is sampled. Raises BadInput for a missing, unreadable or
+    empty file, for a folder, and for content of no known format. The message names what a table of text lacks, or else
+    lists the formats. The reader of the format may raise further errors.
     """
     check_channels(channels)
     file, member = split_member(path)
@@ -72,7 +72,7 @@ def open_file(path: str | os.PathLike[str], channels: str = "rgb", drawing: Draw
 
 
 def format_of(path: str | os.PathLike[str]) -> str | None:
-    """Return the name of the format that a file's head is known as, None for any other.
+    """Return the name of a file's format, detected from its first bytes; None if no reader recognises it.
 
     Raises BadInput as `read_bytes`.
     """
@@ -89,9 +89,9 @@ def _readers_of(head: bytes, size: int) -> list[ModuleType]:
 def read_by(
     reader: ModuleType, path: str | os.PathLike[str], channels: str = "rgb", drawing: Drawing | None = None
 ) -> Reading:
-    """Return what a file holds by one of `READERS`.
+    """Read a file with one of `READERS`.
 
-    Raises what it raises, and names the file where samples are refused.
+    Raises the errors of the reader; errors about invalid samples also name the file.
     """
     try:
         if hasattr(reader, "open_file"):

@@ -6,18 +6,17 @@
     #PARAM_OUT INV_STERADIAN_COSINE_FACTOR   what the values are
     0.26 -1.57 0.0 0.0005                    a row a sample, in blanks
 
-INV_STERADIAN is f in sr⁻¹; INV_STERADIAN_COSINE_FACTOR is f times the cosine of the view (by which the real
-file at hand becomes reciprocal to 2%), which is divided out; RGB_COLOR and XYZ_COLOR are taken as f in linear
-sRGB and CIE XYZ. Other lines with # are comments; `#CHANNELS` is our own writer's and names the values.
-Where the line #PARAM_OUT is missing, FILE#INV_STERADIAN or another of the four states it.
-Rows with a direction under the horizon are left out and counted, so are, where a cosine is divided out, those
-nearer to the horizon than 0.6°, whose error the division makes a hundredfold. Negative values are set to 0 and
-counted.
+INV_STERADIAN is f in sr⁻¹. INV_STERADIAN_COSINE_FACTOR is f cosθo, and the reader divides by the cosine (a published
+file then becomes reciprocal to 2%). RGB_COLOR and XYZ_COLOR are read as f in linear sRGB and CIE XYZ. Other lines with
+# are comments. `#CHANNELS` names the values; only homofact writes it. If the line #PARAM_OUT is missing,
+FILE#INV_STERADIAN or another of the four names supplies it. Rows with a direction below the horizon are left out and
+counted. If the reader divides by a cosine, so are rows with a viewer within 0.6° of the horizon, since the division
+would multiply their error by a hundred. Negative values are set to 0 and counted.
 
-`write` gives f in sr⁻¹ (INV_STERADIAN), every number with all its digits: isotropic samples as
-ISOTROPIC_TV_TL_DPHI, others as SPHERICAL_TL_PL_TV_PV. Values come back bit for bit, directions to rounding, since these
-are angles; CARTESIAN would keep their bits too, but such a file does not say that the material is isotropic. Weights
-are not kept.
+`write` writes f in sr⁻¹ (INV_STERADIAN) with all digits, isotropic samples as ISOTROPIC_TV_TL_DPHI and others as
+SPHERICAL_TL_PL_TV_PV. Values are read back bit-identical. Directions are read back up to rounding, since the file
+contains angles. CARTESIAN would keep directions bit-identical too, but such a file does not record that the material is
+isotropic. Weights are not written.
 """
 
 import math
@@ -59,15 +58,15 @@ def sniff(head: bytes) -> bool:
 
 
 def material_names(path: str | os.PathLike[str]) -> list[str]:
-    """Return what FILE#NAME may state of the values."""
+    """Return the names that may follow FILE#, the units of the values."""
     return list(_OUTPUTS)
 
 
 def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
-    """Return the samples of a file, isotropic where its parameterization has no azimuth of the whole pair.
+    """Return the samples of a file; they are isotropic if its parameterization omits the azimuth of the pair.
 
-    Raises BadInput naming file and line: unknown or missing PARAM_IN or PARAM_OUT, sizes that disagree, wrong
-    column counts, numbers that are none, a cut end, no row above the horizon.
+    Raises BadInput that names file and line for an unknown or missing PARAM_IN or PARAM_OUT, sizes that disagree, wrong
+    column counts, words that are not numbers, a truncated file, and a file without rows above the horizon.
     """
     check_channels(channels)
     path, stated = split_member(path)
@@ -228,7 +227,7 @@ _WRITTEN = ("ISOTROPIC_TV_TL_DPHI", "SPHERICAL_TL_PL_TV_PV", "CARTESIAN")
 def write(
     path: str | os.PathLike[str], samples: Samples, parameterization: str | None = None, comments: tuple[str, ...] = ()
 ) -> None:
-    """Write samples; without a `parameterization` the one that fits them, see the module's head.
+    """Write samples; `parameterization` defaults to the one for isotropic or anisotropic samples.
 
     Raises BadInput for an unknown parameterization, an isotropic one for anisotropic samples, channel names
     with blanks, and where the place cannot be written.

@@ -1,9 +1,9 @@
-"""The input parameterizations of the ALTA library, those that say where light and view are.
+"""The input parameterizations of the ALTA library that determine the directions of light and viewer.
 
 Names and definitions are those of ALTA's documentation (class `params`): L towards the light, V towards the
 viewer, N = z, H = (V + L)/|V + L|; angles in radians. In the half/difference family D is V in the frame of H
-(turned back by φH about z, then by θH about y), and L is V mirrored at H. Forms that leave an angle open are
-read where ALTA itself puts them, and `open` says where.
+(turned back by φH about z, then by θH about y), and L is V mirrored at H. If a parameterization omits an angle, the
+reader uses the value that ALTA uses, and `open` records it.
 """
 
 import math

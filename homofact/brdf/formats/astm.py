@@ -5,12 +5,12 @@
     VARS theta_i,phi_i,theta_s,phi_s,R,G,B         the columns; the last line of the header
     0.17,0,0.35,3.14,0.1,0.2,0.3                   rows, comma-separated
 
-If phi_i or both azimuths are missing, they are 0, and a negative theta_s lies on the side of φ + π. Values are f in
+A missing phi_i or phi_s is 0. A negative theta_s means the angle |theta_s| at the azimuth phi_s + π. Values are f in
 sr⁻¹ without the cosine: R, G, B linear; X, Y, Z of CIE, turned into linear sRGB; "465nm" spectral; anything else a
 channel of that name. The standard gives angles in degrees, the laboratory's files in radians. The reader assumes
-degrees if more than a quarter of the rows have an angle above π/2, and records the unit in the provenance. If all light
-comes from one azimuth, the material is read as isotropic. Negative values (colours out of gamut, noise) are set to 0
-and counted.
+degrees if, of the rows with an angle above 0, more than a quarter have one above π/2. It records the unit in the
+provenance. If all light comes from one azimuth, the material is read as isotropic. Negative values (colours out of
+gamut, noise) are set to 0 and counted.
 
 `write` writes angles in radians and all digits of each number: values are read back bit-identical, directions up to
 rounding. Isotropic samples are rotated so that the light is at φi = 0, which tells a reader that they are isotropic.

@@ -34,7 +34,7 @@ _ANGLE_SLACK = 1e-6
 
 
 def sniff(head: bytes) -> bool:
-    """Return whether a file that begins with `head` is of this format: a count alone, then rising wavelengths."""
+    """Return whether `head` begins a file of this format: a count on its own line, then increasing wavelengths."""
     lines = [line.split() for _, line in _content(head)]
     if b"# num wls" in head and (not lines or len(lines[0]) == 1):
         return True
@@ -50,8 +50,9 @@ def sniff(head: bytes) -> bool:
 def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
     """Return the samples of a file, isotropic, as "rgb" (linear sRGB under D65), "spectral" or "luminance".
 
-    Exact zeros are kept: provenance["faults"] counts them. Raises BadInput naming file and line for numbers
-    that are none, not finite or negative, wrong column counts, a cut end, directions under the horizon.
+    Exact zeros are kept: provenance["faults"] counts them. Raises BadInput that names file and line for words that are
+    not numbers, numbers that are not finite or negative, wrong column counts, a truncated file, and directions below
+    the horizon.
     """
     check_channels(channels)
     raw = read_bytes(path, DESCRIPTION)

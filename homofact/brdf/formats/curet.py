@@ -5,13 +5,14 @@
     table.txt                 a row a measurement: theta_v phi_v theta_i phi_i, polar angle and azimuth of the viewer
                               and of the light in radians
 
-The directions are not in the file, so table.txt must lie beside it. Reading one of r, g and b takes all three where
-they are beside it as RGB, and else the one file as a channel of its own; abrdf.dat is a luminance. FILE#7 picks the
-sample of that number. The values are f in sr⁻¹ without the cosine. Light from one azimuth only means isotropic; the
-database's does not, and many of its samples are anisotropic. Negative values are set to 0 and counted.
+The directions are not in the file, so table.txt must lie beside it. If you read rbrdf.dat, gbrdf.dat or bbrdf.dat and
+all three are in the folder, they are read together as RGB; otherwise the one file is read as a single channel.
+abrdf.dat is read as luminance. FILE#7 picks the sample of that number. The values are f in sr⁻¹ without the cosine.
+If all light comes from one azimuth, the material is read as isotropic. In this database it does not, and many of its
+materials are anisotropic. Negative values are set to 0 and counted.
 
-`write` makes the files of one material: abrdf.dat with the mean of the channels, of three channels rbrdf.dat, gbrdf.dat
-and bbrdf.dat too, and table.txt; values and angles with all their digits. Weights are not kept.
+`write` writes the files of one material: table.txt, abrdf.dat with the mean of the channels, and for three channels
+also rbrdf.dat, gbrdf.dat and bbrdf.dat. Values and angles are written with all digits. Weights are not written.
 """
 
 import math
@@ -57,11 +58,12 @@ def material_names(path: str | os.PathLike[str]) -> list[str]:
 
 
 def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
-    """The 205 samples of the material that "FILE#NUMBER" names; of a file with one row, the number may be left out.
+    """Return the 205 samples of material FILE#NUMBER; the number is optional if the file has one material.
 
-    Raises BadInput naming file and line: no table.txt beside it or one that is not 205 rows of four angles above the
-    horizon, rows of another length, a cut end, numbers that are none, a sample's number twice or out of 1 to 61, no
-    number where there are several samples, and one that the file does not hold.
+    Raises BadInput that names file and line if table.txt is missing or does not contain 205 rows of four angles above
+    the horizon. Also raised for rows of another length, a truncated file, words that are not numbers, and material
+    numbers that occur twice or are not from 1 to 61. Also raised if the file has several materials and none is
+    selected, or if it does not contain the selected one.
     """
     check_channels(channels)
     file, member = split_member(path)
@@ -156,7 +158,7 @@ def _is_number_of_sample(word: str) -> bool:
 def write(folder: str | os.PathLike[str], samples: Samples, number: int = 1) -> None:
     """Write the files of one material, of that number, into an existing `folder`.
 
-    Raises BadInput for another number of samples than 205, of channels than one or three, and a number out of 1 to 61.
+    Raises BadInput unless there are 205 samples, one or three channels, and a material number from 1 to 61.
     """
     if len(samples) != MEASUREMENTS or len(samples.channels) not in (1, 3) or not 1 <= number <= SAMPLES:
         raise BadInput(

@@ -1,4 +1,4 @@
-"""What a table of text lacks to be a CSV that is read: said instead of a list of all formats."""
+"""Explain what a table of text lacks to be a readable CSV file, instead of listing all formats."""
 
 from homofact.brdf.formats.csv import ANGLES, VECTORS
 from homofact.files.text import numbered_lines, short
@@ -12,7 +12,7 @@ _MOST_NAMED = 6
 
 
 def hint_of(head: bytes) -> str | None:
-    """Return what is wrong with a table that begins with `head`; None if it is no text or not like a table."""
+    """Return what is wrong with a table that begins with `head`; None if `head` is not text or not a table."""
     if head.startswith(_IMAGES):
         return "a picture, no BRDF; environment maps light the scenes of `homofact.relight` and `homofact.edit`"
     if b"\0" in head:

@@ -1,4 +1,4 @@
-"""What the formats of tables by incidence share: a reading of the nodes, and the grids that are written."""
+"""Functions for formats with one table per incidence: samples from the nodes, and the grids for writing."""
 
 import math
 from typing import Any
@@ -26,7 +26,7 @@ _CHUNK = 2**18
 def reading_of(path: object, tables: IncidenceTables, channels: str, facts: dict[str, Any]) -> Reading:
     """Return the tables as a reflectance, and their nodes above the horizon as samples weighted by solid angle.
 
-    Negative values were counted by the caller. Raises BadInput as `Reading.of`.
+    The caller has already counted negative values, in facts["faults"]. Raises BadInput as `Reading.of`.
     """
     wi, wo, values, weights = tables.nodes()
     faults = facts.pop("faults") | {"exact_zeros": int((values == 0).sum())}
@@ -49,7 +49,7 @@ def reading_of(path: object, tables: IncidenceTables, channels: str, facts: dict
 
 
 def asymmetry(tables: IncidenceTables) -> float:
-    """How far grids are from mirror symmetry: the mean of |f(φ) − f(−φ)| over that of f; 0 if they are mirrored."""
+    """Return the mean of |f(φ) − f(−φ)| divided by the mean of f; 0 for grids with mirror symmetry."""
     off, total = 0.0, 0.0
     for row in tables.tables:
         for table in row:
@@ -62,7 +62,7 @@ def asymmetry(tables: IncidenceTables) -> float:
 
 
 def tabulated(reflectance: Reflectance, isotropic: bool, about_mirror: bool) -> IncidenceTables:
-    """A reflectance at the nodes that are written; below the horizon, where a grid about the mirror reaches, 0."""
+    """Tabulate a reflectance at the nodes of the written grids; nodes below the horizon are 0."""
     turns = (0,) if isotropic else ROTATIONS
     rows = [tuple(_table(reflectance, theta, turn, isotropic, about_mirror) for theta in INCIDENCES) for turn in turns]
     return IncidenceTables(tuple(rows), about_mirror, reflectance.channels)

@@ -1,4 +1,4 @@
-"""Reading text line by line where earlier lines say what the next ones hold, with errors that name the line."""
+"""Read text whose earlier lines define the content of later ones, with errors that name the line."""
 
 import numpy as np
 
@@ -10,7 +10,7 @@ _MOST = 100_000
 
 
 class LineReader:
-    """The lines (number, text) of the file `path`, taken one after the other."""
+    """Reads the lines (number, text) of the file `path` one after the other."""
 
     def __init__(self, path: object, lines: list[tuple[int, str]]) -> None:
         self.path = path
@@ -19,7 +19,7 @@ class LineReader:
 
     @property
     def left(self) -> int:
-        """How many lines are not taken yet."""
+        """The number of lines not read yet."""
         return len(self._lines) - self._next
 
     def line(self, what: str) -> str:
@@ -31,7 +31,7 @@ class LineReader:
         return self._lines[self._next - 1][1].strip()
 
     def fault(self, problem: str, expected: object) -> BadInput:
-        """Return what is wrong with the line that was taken last."""
+        """Return an error about the line that was read last."""
         return line_fault(self.path, self._lines[max(0, self._next - 1)][0], problem, expected)
 
     def whole(self, word: str, what: str, most: int = _MOST) -> int:
@@ -55,7 +55,7 @@ class LineReader:
         return [word == "1" for word in words]
 
     def numbers(self, count: int, what: str) -> np.ndarray:
-        """Return `count` numbers on the next lines, however they are wrapped. Raises BadInput naming the line."""
+        """Return `count` numbers from the next lines, wrapped in any way. Raises BadInput naming the line."""
         found: list[float] = []
         while len(found) < count:
             words = self.line(f"{count} numbers: {what}").split()

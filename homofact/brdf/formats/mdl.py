@@ -5,12 +5,12 @@
     MBSDF_DATA=\\n or MBSDF_DATA_REFLECTION=\\n                    or …_TRANSMISSION=\\n, which is not read
     uint32 type (0 scalar, 1 RGB), uint32 nθ, uint32 nφ, then float32: Δφ fastest, then θ out, θ in slowest
 
-f in sr⁻¹ without the cosine, as reciprocity of a real file bears out. Entries stand at the centres of even
-bins, θ in [0, π/2] and |Δφ| in [0, π]; Δφ = 0 is on the light's side.
+Values are f in sr⁻¹ without the cosine; the reciprocity of a measured file confirms this. Entries are values at the
+centres of equal bins of θ in [0, π/2] and of |Δφ| in [0, π]. Δφ = 0 is the side of the light.
 
-Files come with two faults. Beyond the last angle that was measured its values are repeated: such copies are
-left out. Noise makes entries negative: they are set to 0 and not dropped, since dropping them would keep the
-upward noise alone and brighten dark colours. Both are counted.
+Files have two faults. First, the values of the last measured angle are repeated beyond it; the reader leaves these
+copies out. Second, noise makes some entries negative. The reader sets them to 0 instead of dropping them, since
+dropping would keep only the upward noise and brighten dark colours. Both are counted.
 """
 
 import math
@@ -44,8 +44,9 @@ def sniff(head: bytes) -> bool:
 def open_file(path: str | os.PathLike[str], channels: str = "rgb", drawing: Drawing | None = None) -> Reading:
     """Return the bins up to the last measured angles as isotropic samples, and the table itself.
 
-    Samples are weighted by solid angle, mean 1; `drawing` does not matter. Raises BadInput for a file without
-    reflection, an unknown type, sizes that disagree with the file's, and entries that are not finite.
+    Samples are weighted by solid angle, with mean 1. `drawing` is ignored. Raises BadInput for a file without
+    reflection, an unknown type, sizes in the header that disagree with the file's length, and entries that are not
+    finite.
     """
     check_channels(channels)
     entries, names, comments = read_entries(path, read_bytes(path, DESCRIPTION))

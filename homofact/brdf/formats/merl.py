@@ -1,11 +1,11 @@
-"""The binary files of the MERL BRDF database (Matusik et al. 2003), layout as its own reading program has it.
+"""The binary files of the MERL BRDF database (Matusik et al. 2003), with the layout of its own reading program.
 
     int32 × 3        numbers of bins in θh, θd, φd: 90, 90, 180 (or 360, without the fold by reciprocity)
     float64 × 3 · n  all red entries, then green, then blue; φd fastest, θh slowest; little endian
 
-What the entries mean is in `homofact.brdf.merl`. The samples are the centres of the measured bins with both directions
-above the horizon, each weighted by the measure of the direction pairs in its bin (mean weight 1). The many small bins
-round the highlight therefore count by their small solid angle.
+`homofact.brdf.merl` defines the entries. The samples are the centres of the measured bins with both directions above
+the horizon, each weighted by the measure of the direction pairs in its bin (mean weight 1). The many small bins round
+the highlight therefore count by their small solid angle.
 
 You can write a table as it is, samples that were read from such a file, or any reflectance. A reflectance is evaluated
 at the bins' centres with h in the xz-plane, so the file contains only this slice of an anisotropic material. Bins with
@@ -120,7 +120,7 @@ def open_file(path: str | os.PathLike[str], channels: str = "rgb", drawing: Draw
 def write(
     path: str | os.PathLike[str], source: Reflectance | Samples, shape: tuple[int, int, int] = STANDARD
 ) -> dict[str, int]:
-    """Write a reflectance, a `MerlTable` (its own bins, every byte as it was) or samples (binned, means).
+    """Write a reflectance, a `MerlTable` (its bins unchanged) or samples (means per bin).
 
     Returns counts: bins written, bins left empty, negative values cut to 0. Raises BadInput for channels
     that are no colour, values not finite, bins below 2 or above 4096, a place that cannot be written.

@@ -1,4 +1,4 @@
-"""Weights of neural BRDFs (Sztrajman et al. 2021): a numpy archive of one small network a material.
+"""Weights of neural BRDFs (Sztrajman et al. 2021): a numpy archive with one small network per material.
 
     NAME/w0 (6, 21)   NAME/b0 (21,)    NAME/w1 (21, 21)   NAME/b1 (21,)   NAME/w2 (21, 3)   NAME/b2 (3,)
 
@@ -41,10 +41,10 @@ def material_names(path: str | os.PathLike[str]) -> list[str]:
 
 
 def load(path: str | os.PathLike[str]) -> NeuralBrdf:
-    """Return the network that "FILE#NAME" names; of a file with a single material, NAME may be left out.
+    """Return the network of material FILE#NAME; NAME is optional if the file has only one material.
 
-    Raises BadInput for a damaged file, an unknown name (naming the nearest), no name where there are several
-    (listing some), and arrays of wrong sizes or types.
+    Raises BadInput for a damaged file, an unknown name (the message suggests the nearest one), a missing name if there
+    are several networks (the message lists some), and arrays of wrong sizes or types.
     """
     file, name = split_member(path)
     raw = read_bytes(file, DESCRIPTION)
@@ -81,7 +81,7 @@ def load(path: str | os.PathLike[str]) -> NeuralBrdf:
 
 
 def open_file(path: str | os.PathLike[str], channels: str = "rgb", drawing: Drawing | None = None) -> Reading:
-    """Return the network that "FILE#NAME" names, with noise-free samples of it drawn as `drawing` says.
+    """Return the network of material FILE#NAME, with noise-free samples of it drawn according to `drawing`.
 
     Raises BadInput as `load` does, and for channels "spectral".
     """

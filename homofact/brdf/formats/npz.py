@@ -1,4 +1,4 @@
-"""Samples as a numpy archive: the layout in which homofact keeps its own.
+"""Samples as a numpy archive, in homofact's own layout.
 
 An uncompressed .npz of plain arrays, read without pickle:
 
@@ -9,8 +9,7 @@ An uncompressed .npz of plain arrays, read without pickle:
     header      JSON text: an object with whatever is to be said of the data; "noise_free": true says that
                 the values are a model's
 
-float32 directions are brought back to length 1 in float64. `write` fixes every byte: the same samples give
-the same file.
+float32 directions are normalised again in float64. `write` is deterministic: the same samples give the same bytes.
 """
 
 import json
@@ -40,10 +39,10 @@ def sniff(head: bytes) -> bool:
 
 
 def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
-    """Return the samples of a file, in `channels` where the file can give them (spectra become RGB or luminance).
+    """Return the samples of a file in `channels`, if they can be converted (spectra become RGB or luminance).
 
-    Raises BadInput naming the file and the array: missing, of a wrong shape or type, not finite, negative,
-    under the horizon, not of unit length; or a damaged archive.
+    Raises BadInput for a damaged archive, and BadInput that names the array if it is missing, has a wrong shape or
+    type, or has values that are not finite, negative, below the horizon or not of unit length.
     """
     check_channels(channels)
     raw = read_bytes(path, DESCRIPTION)

@@ -10,11 +10,12 @@
 
 The program writes one file for each incidence. A file is read with all others of its folder that have the same
 #sample_name and #format, the light on the same side, and the same colorimetry; a file without #sample_name is read
-alone. One file may also hold several such tables, one after the other. FILE#front and FILE#back pick the light's side,
-which need not be named where there is one. Azimuths are turned so that up is 90°, seen from the front; on the back x
-points the other way. Rows on the other side of the sample than the light are transmission: left out and counted. So
-are those nearer to the horizon than 0.6° where a cosine is divided out. Light from one azimuth only means isotropic;
-no other symmetry is added. Negative values are set to 0 and counted. XYZ become linear sRGB.
+alone. One file may also hold several such tables, one after the other. FILE#front and FILE#back select the side of the
+light; you can omit it if only one side is lit. Azimuths are rotated so that up is at 90°, seen from the front. On the
+back, x points the other way. Rows with the viewer on the other side than the light are transmission; they are left out
+and counted. If the reader divides by a cosine, so are rows within 0.6° of the horizon. If all light comes from one
+azimuth, the material is read as isotropic; no other symmetry is assumed. Negative values are set to 0 and counted. XYZ
+is converted to linear sRGB.
 """
 
 import math
@@ -87,7 +88,7 @@ def sniff(head: bytes) -> bool:
 
 
 def material_names(path: str | os.PathLike[str]) -> list[str]:
-    """Return the sides that are lit in a file and those beside it. Raises BadInput for a damaged file."""
+    """Return the lit sides in a file and in the other files of its sample. Raises BadInput for a damaged file."""
     lit = {table.head.side for table in _together(split_member(path)[0])[0]}
     return [side for side in SIDES if side in lit]
 
@@ -95,9 +96,9 @@ def material_names(path: str | os.PathLike[str]) -> list[str]:
 def read(path: str | os.PathLike[str], channels: str = "rgb") -> Samples:
     """Return the samples of a file and those beside it that belong to the same sample.
 
-    Raises BadInput naming file and line: a header that lacks the format or the light's direction, an unknown format,
-    wrong column counts, numbers that are none, angles out of range, light on both sides and none named, transmission
-    alone, a cut end.
+    Raises BadInput that names file and line for a header without the format or the direction of the light, an unknown
+    format, wrong column counts, words that are not numbers, angles out of range, and a truncated file. Also raised if
+    both sides are lit and none is selected, or if the file contains only transmission.
     """
     check_channels(channels)
     file, member = split_member(path)

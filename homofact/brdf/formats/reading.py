@@ -1,4 +1,4 @@
-"""What reading a file gives, how one that is a whole reflectance is sampled, and what readers check alike."""
+"""The result of reading a file, the settings for sampling a reflectance from a file, and checks for all readers."""
 
 import math
 from collections.abc import Sequence
@@ -24,7 +24,7 @@ class Drawing:
 
 @dataclass(frozen=True)
 class Reading:
-    """A file's samples; and its reflectance, where it is one by itself (a full table, a network)."""
+    """The samples of a file, and its reflectance if the file defines one everywhere (a full table, a network)."""
 
     samples: Samples
     reflectance: Reflectance | None = None
@@ -37,7 +37,7 @@ class Reading:
 
 
 def in_channels(path: object, samples: Samples, channels: str) -> Samples:
-    """Return a file's samples in `channels`. Raises BadInput, naming the file, where it cannot give them."""
+    """Return samples of a file in `channels`. Raises BadInput that names the file if they cannot be converted."""
     try:
         return as_channels(samples, channels)
     except BadInput as error:
@@ -45,7 +45,7 @@ def in_channels(path: object, samples: Samples, channels: str) -> Samples:
 
 
 def line_fault(path: object, number: int, problem: str, expected: object) -> BadInput:
-    """Return what is wrong with a line of a text file."""
+    """Return an error about a line of a text file."""
     return BadInput(problem, where=f"{path}: line {number}", expected=expected)
 
 
@@ -56,7 +56,7 @@ def zeros_of(values: Tensor) -> dict[str, int]:
 
 
 def check_azimuths(path: object, lines: Sequence[int], name: str, phi: Tensor, degrees: bool) -> None:
-    """Raise BadInput, naming the row's line, for an azimuth (N,) of more than a turn: mostly degrees among radians."""
+    """Raise BadInput naming the line if an azimuth (N,) exceeds one turn, as when degrees are read as radians."""
     turn = 360.0 if degrees else 2 * math.pi
     over = phi.abs() > turn * (1 + 1e-3)
     if bool(over.any()):

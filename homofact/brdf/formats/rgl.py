@@ -9,8 +9,8 @@ Fields that are read here (`formats.tensor_file` has the layout):
     jacobian (1)                   0 where D/(4σ) is in the values already; absent means it is not
     description                    text
 
-The fields luminance (for importance sampling) and valid (of the acquisition) are not needed for a value. What
-is stored contains cosθo, see `homofact.brdf.rgl`. Renderers want luminance, (F, T, R, C) too, and all but valid.
+The reader ignores the fields luminance (for importance sampling) and valid (of the acquisition). The stored values
+contain cosθo; see `homofact.brdf.rgl`. Renderers need all fields except valid, including luminance (F, T, R, C).
 """
 
 import os
@@ -43,11 +43,11 @@ def sniff(head: bytes) -> bool:
 
 
 def load(path: str | os.PathLike[str], channels: str = "rgb") -> AdaptiveTable:
-    """Return the table of a file, in "rgb" or "spectral"; "luminance" of a spectral file is CIE Y, of an RGB file RGB.
+    """Return a file's table in `channels`; "luminance" of a spectral file is CIE Y, of an RGB file still RGB.
 
-    A spectral file's table becomes linear sRGB or Y node by node, its values being linear in the table;
-    facts["faults"] counts the negative entries. Raises BadInput as `read_tensors` does, for a missing field, a
-    wrong shape or type, numbers that are not finite, and "spectral" of an RGB file.
+    A spectral table is converted to linear sRGB or Y node by node, which is exact because f is linear in the table.
+    facts["faults"] counts the negative entries. Raises BadInput as `read_tensors` does, and for a missing field, a
+    wrong shape or type, numbers that are not finite, or "spectral" of an RGB file.
     """
     check_channels(channels)
     fields = read_tensors(path)
@@ -103,7 +103,7 @@ def open_file(path: str | os.PathLike[str], channels: str = "rgb", drawing: Draw
 
 
 def write(path: str | os.PathLike[str], table: AdaptiveTable, comments: Sequence[str] = ()) -> None:
-    """Write a table as `packed` has it. Raises BadInput as `packed`, and for a place that cannot be written."""
+    """Write the bytes of `packed` to a file. Raises BadInput as `packed`, and if the file cannot be written."""
     try:
         content = packed(table, comments)
     except BadInput as error:
@@ -112,11 +112,11 @@ def write(path: str | os.PathLike[str], table: AdaptiveTable, comments: Sequence
 
 
 def packed(table: AdaptiveTable, comments: Sequence[str] = ()) -> bytes:
-    """A file of a table as renderers read it (Mitsuba's plugin `measured`), float32; `comments` are the description.
+    """Return a table's file as renderers read it (Mitsuba's `measured`), in float32; `comments` fill the description.
 
-    R, G, B go into rgb, a channel that is alone into all three of it, two wavelengths or more into spectra. Every
-    number that `load` reads is written as it is. Raises BadInput for other channels and numbers that float32 does not
-    hold.
+    R, G and B are written to rgb, a single channel to all three channels of rgb, and two or more wavelengths to
+    spectra. Every number that `load` reads is written unchanged. Raises BadInput for other channels and for numbers out
+    of float32's range.
     """
     wavelengths = wavelengths_of(table.channels)
     spectral = wavelengths is not None and len(wavelengths) > 1

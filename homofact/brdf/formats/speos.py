@@ -14,13 +14,15 @@
         percentage a line; a table for each rotation and incidence
     a table: numbers of θ and φ, the φ, and rows of θ and values; φ = 0 is the side of the mirror direction
 
-Tables are only proportional to the BSDF: the percentage of the light that is reflected gives them their scale, in a
-.brdf of every table, in an .anisotropicbsdf of the one at the spectrum's incidence, whose scale all others share.
-FILE#table takes the numbers as they are, in sr⁻¹. That the mirror direction is at φ = 0 and what 0 and 1 mean is as
-in Ansys's own converter (ansys/optical-automation), and as two real files have it; which way rotations turn is not
-established. Several wavelengths become linear sRGB or Y, one alone is Y. Negative values are set to 0 and counted.
+Tables are only proportional to the BSDF. The percentage of reflected light sets their scale. In a .brdf, every table
+has its own percentage. In an .anisotropicbsdf, the percentages of the spectrum scale the table at its incidence, and
+all other tables share this scale. FILE#table reads the numbers without scaling, as sr⁻¹. The mirror direction at φ = 0
+and the meaning of the flags 0 and 1 follow Ansys's own converter (ansys/optical-automation) and agree with two measured
+files. The sense of rotation is not known. Several wavelengths are converted to linear sRGB or Y; a single one is read
+as Y. Negative values are set to 0 and counted.
 
-`write` gives a .brdf of an isotropic reflectance and an .anisotropicbsdf of any, see `write` for what is lost.
+`formats.speos_writer` writes a .brdf of an isotropic reflectance and an .anisotropicbsdf of any reflectance. Its
+docstring lists what is lost.
 """
 
 import math
@@ -70,11 +72,11 @@ class _Grid:
 
 
 def open_file(path: str | os.PathLike[str], channels: str = "rgb", drawing: Drawing | None = None) -> Reading:
-    """Return the nodes as samples, and the tables as a reflectance; `drawing` does not matter.
+    """Return the nodes as samples, and the tables as a reflectance; `drawing` is ignored.
 
-    Raises BadInput naming file and line: binary mode, versions before 7, transmission alone, counts that the file
-    does not bear out, angles that do not rise or lie under the horizon, a percentage of a table that is 0 throughout,
-    a cut end.
+    Raises BadInput that names file and line for binary mode, versions before 7, files with only transmission, counts
+    that disagree with the file, angles that do not increase or are below the horizon, a percentage above 0 for a table
+    of zeros, and a truncated file.
     """
     check_channels(channels)
     file, member = split_member(path)

@@ -1,10 +1,10 @@
 """Writing the surface files of Ansys Speos (`formats.speos`) in text mode, version 8.
 
-A .brdf holds a table for each incidence and wavelength, of an isotropic material: R, G, B become spectra of 14
-wavelengths that have the same colours under D65 (`brdf.upsampling`), a spectrum keeps its wavelengths, one channel is
-written at 550 nm. An .anisotropicbsdf holds tables of the luminance, for 12 rotations where the material is
-anisotropic, and one spectrum, that of the light reflected at normal incidence: colours do not change with direction in
-it. Values are f in sr⁻¹, and the percentages are the tables' own integrals, so that readers that scale by them find f.
+A .brdf contains one table per incidence and wavelength, for an isotropic material. R, G, B are converted to spectra of
+14 wavelengths that have the same colours under D65 (`brdf.upsampling`). A spectrum keeps its wavelengths, and a single
+channel is written at 550 nm. An .anisotropicbsdf contains tables of the luminance, for 12 rotations if the material is
+anisotropic, and one spectrum, of the light reflected at normal incidence. So its colour does not change with direction.
+Values are f in sr⁻¹. The percentages are the integrals of the tables, so readers that scale by them recover f.
 """
 
 import math
@@ -29,7 +29,7 @@ _VISIBLE = (380.0, 780.0)
 def write_brdf(
     path: str | os.PathLike[str], reflectance: Reflectance, isotropic: bool, comments: Sequence[str] = ()
 ) -> int:
-    """Write a .brdf; the number of its values.
+    """Write a .brdf and return the number of its values.
 
     Raises BadInput for an anisotropic reflectance, channels that are no colour, and a place that cannot be written.
     """

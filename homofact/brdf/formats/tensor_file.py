@@ -1,4 +1,4 @@
-"""Tensor files: named arrays in one file, as the RGL material database and the renderers that read it have them.
+"""Tensor files: named arrays in one file, the format of the RGL material database and of renderers that read it.
 
     12 bytes   "tensor_file\\0"
     2 bytes    version, 1 and 0
@@ -6,8 +6,8 @@
     then each  uint16 length of the name, name, uint16 rank, uint8 type, uint64 offset in the file,
                uint64 size along each axis
 
-all little-endian; the numbers of a field are at its offset, the last axis fastest. Written are the fields in the order
-given, each at a multiple of 8 bytes.
+All numbers are little-endian. The numbers of a field start at its offset, with the last axis fastest. homofact writes
+the fields in the given order, each at a multiple of 8 bytes.
 """
 
 import math
@@ -31,7 +31,7 @@ _ALIGNED = 8
 
 
 def read_tensors(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
-    """Return every field of a tensor file by name, read-only views of its bytes.
+    """Return all fields of a tensor file by name, as read-only views of its bytes.
 
     Raises BadInput naming file and field for another version, a header that ends early, more fields than fit,
     a name twice or not in UTF-8, an unknown type, and data that do not lie within the file.
@@ -90,7 +90,7 @@ def read_tensors(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
 
 
 def tensor_bytes(fields: Mapping[str, np.ndarray]) -> bytes:
-    """Return a file of arrays of whole numbers or floats, in their order."""
+    """Return the bytes of a tensor file with integer or float arrays, in the given order."""
     codes = {kind: code for code, kind in _TYPES.items()}
     head = len(MAGIC) + len(_VERSION) + 4 + sum(2 + len(name.encode()) + 11 + 8 * a.ndim for name, a in fields.items())
     described, data, place = [struct.pack("<I", len(fields))], [], head

@@ -1,4 +1,4 @@
-"""The text of a tensor tree in braces: reading one, and writing an array as the smallest tree within a tolerance.
+"""Read the text of a tensor tree (in braces), and write an array as the smallest tree within a tolerance.
 
 { {…} {…} … }      2ⁿ branches of n dimensions
 { 1 2 3 … }        a grid of 2^(n·k) values, the first dimension slowest
@@ -21,7 +21,7 @@ _DEEPEST = 20
 def parsed_tree(where: object, text: str, dimensions: int) -> Tree:
     """Return the tree of a text.
 
-    Raises BadInput for braces that do not match, numbers of branches or values, and words.
+    Raises BadInput for unbalanced braces, wrong numbers of branches or values, and words that are not numbers.
     """
     branches = 2**dimensions
     children: list[list[int]] = []
@@ -99,7 +99,7 @@ def _tree(children: list[list[int]], grids: list[np.ndarray], dimensions: int) -
 
 
 def tree_text(values: np.ndarray, tolerance: float) -> str:
-    """An array whose sides are one power of 2 as a tree: a leaf where values lie within `tolerance` of their mean."""
+    """Return an array (equal sides, a power of 2) as text; a leaf's relative deviations are within `tolerance`."""
     parts: list[str] = []
     _write(values, tolerance, "", parts)
     return "\n".join(parts)

@@ -2,14 +2,14 @@
 
     float64, 3 × 6 × 48 × 6 × 48: colour, θi, φi, θv, φv, the last fastest; no header; little endian
 
-θ at 0, 15 … 75°, φ at 0, 7.5 … 352.5°, anisotropic. The same in float32 is read as well. With no header to know
-it by, a file is taken for this format by its size alone, when no other reader knows it.
+θ at 0, 15 … 75°, φ at 0, 7.5 … 352.5°, anisotropic. The same in float32 is read as well. The format has no header. A
+file is read as UTIA if its size matches and no other reader recognises it.
 
-The entries are taken as linear RGB values of f in sr⁻¹, as the authors' own look-up program does. Their scale is
-not established: another published reader decodes sRGB from entries/140 and multiplies by 100. Negative entries
-are set to 0 and counted. Compare such files scale-free.
+The entries are read as f in sr⁻¹ in linear RGB, as in the authors' own look-up program. Their scale is uncertain:
+another published reader decodes sRGB from entries/140 and multiplies by 100. So compare such files only with metrics
+that do not depend on the scale. Negative entries are set to 0 and counted.
 
-`write` evaluates any reflectance at these nodes; what was read comes back as it was.
+`write` evaluates any reflectance at these nodes. A table that was read from a file is written unchanged.
 """
 
 import math
@@ -50,7 +50,8 @@ def axes() -> tuple[TableAxis, TableAxis, TableAxis, TableAxis]:
 def open_file(path: str | os.PathLike[str], channels: str = "rgb", drawing: Drawing | None = None) -> Reading:
     """Return all nodes as anisotropic samples weighted by solid angle, mean 1, and the table itself.
 
-    `drawing` does not matter. Raises BadInput for another size, and entries not finite or beyond a million.
+    `drawing` is ignored. Raises BadInput for another file size, and for entries that are not finite or exceed a
+    million.
     """
     check_channels(channels)
     raw = read_bytes(path, DESCRIPTION)

@@ -8,12 +8,13 @@
         WavelengthData/WavelengthDataBlock      WavelengthDataDirection, ColumnAngleBasis (light), RowAngleBasis (view),
                                                 ScatteringData: numbers, or a tree in braces
 
-Values are f in sr⁻¹ without the cosine. FILE#front is the block Reflection Front, FILE#back Reflection Back, by the
-file's own words; where both are the same, or one alone is there, neither need be named. WINDOW's front is Radiance's
-back, the side away from a surface's normal: the axes are Radiance's, x to the right and y up seen from the side itself.
-Transmission is refused. Between patches nothing is interpolated, as in Radiance. A matrix's samples are the middles of
-its patches, weighted by solid angle, isotropic where entries of equal θi, θo and |Δφ| differ by less than 1% in the
-mean; a tree is drawn from, as a table of its own. XYZ become linear sRGB; what is negative becomes 0 and is counted.
+Values are f in sr⁻¹ without the cosine. FILE#front selects the block Reflection Front and FILE#back the block
+Reflection Back. You can omit the side if both blocks are equal or only one exists. WINDOW's front is Radiance's back,
+the side away from the normal of a surface. The axes are Radiance's: x right and y up, seen from the selected side.
+Transmission is rejected. As in Radiance, values are not interpolated between patches. The samples of a matrix are the
+middles of its patches, weighted by solid angle. They are isotropic if entries of equal θi, θo and |Δφ| differ by less
+than 3% in the mean. A tree is sampled like a model. XYZ is converted to linear sRGB. Negative values are set to 0; for
+a matrix they are counted.
 """
 
 import os
@@ -66,18 +67,18 @@ def sniff(head: bytes) -> bool:
 
 
 def material_names(path: str | os.PathLike[str]) -> list[str]:
-    """Return the sides whose reflection a file holds, of front and back. Raises BadInput for a damaged one."""
+    """Return the sides ("front", "back") with reflection in a file. Raises BadInput for a damaged file."""
     file = split_member(path)[0]
     layer = _layer(file, read_bytes(file, DESCRIPTION))
     return [side for side in SIDES if layer.bands(side)]
 
 
 def open_file(path: str | os.PathLike[str], channels: str = "rgb", drawing: Drawing | None = None) -> Reading:
-    """Return the reflection of the side that "FILE#front" or "FILE#back" names, and samples of it.
+    """Return the reflection of the side FILE#front or FILE#back, and samples of it.
 
-    Raises BadInput naming the file, and the block where it is one: XML that is cut or damaged, no layer, an unknown
-    structure or basis, transmission alone, no side where front and back differ, a wavelength that is missing, another
-    number of values than the bases ask for, and values that are no numbers.
+    Raises BadInput that names the file, and the block if one is at fault, for damaged or truncated XML, a missing
+    layer, an unknown structure or basis, files with only transmission, a missing wavelength, a wrong number of values,
+    and words that are not numbers. Also raised if front and back differ and no side is selected.
     """
     check_channels(channels)
     file, member = split_member(path)

@@ -1,8 +1,8 @@
 """Writing the XML of WINDOW and Radiance (`formats.window`): means over Klems' full basis, or a tensor tree.
 
-The same reflection is written for both sides, Reflection Front and Reflection Back, each in the axes of its side: which
-of them a scene shows is then of no matter. There is no transmission. R, G, B and spectra become Visible, CIE-X and
-CIE-Z (or CIE-u and CIE-v); one channel is Visible.
+Reflection Front and Reflection Back describe the same material, each in the axes of its side, so a scene may show
+either side. There is no transmission. R, G, B and spectra are converted to Visible, CIE-X and CIE-Z (for trees Visible,
+CIE-u and CIE-v); a single channel is written as Visible.
 """
 
 import os
@@ -33,7 +33,7 @@ def write_klems(
     comments: Sequence[str] = (),
     progress: Callable[[int, int], object] | None = None,
 ) -> dict[str, float | int]:
-    """Write the means of a reflectance over pairs of bands; what they are known to, and how many there are.
+    """Write the means of a reflectance over pairs of patches; return their "error" and number ("values").
 
     Raises BadInput for channels that are no colour, and for a place that cannot be written.
     """
@@ -62,7 +62,7 @@ def write_tree(
     comments: Sequence[str] = (),
     progress: Callable[[int, int], object] | None = None,
 ) -> dict[str, float | int]:
-    """Write a tensor tree of a reflectance: TensorTree3 where it is isotropic, else TensorTree4; its number of leaves.
+    """Write a TensorTree3 if isotropic, else a TensorTree4; return the numbers of "cells" and of leaves ("values").
 
     Raises BadInput as `write_klems`.
     """

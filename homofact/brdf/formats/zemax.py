@@ -15,13 +15,13 @@
     0.0638 …                            and a row of values over ScatterRadial for each azimuth
     DataEnd
 
-Values are f in sr⁻¹ without the cosine: the integrals of a measured file's tables agree with its TIS to 3–15%, what the
-grid leaves out. FILE#total scales each table to its TIS instead, for files whose values are only proportional. Where
-azimuth 0 is, is as in Ansys's own converter (ansys/optical-automation) and as the nodes under the horizon of a real
-file, which are 0, bear out. Nodes under the horizon are no samples. XYZ become linear sRGB. Negative values are set to
-0 and counted. Which way rotations turn is not established.
+Values are read as f in sr⁻¹ without the cosine. In a measured file, the integrals of the tables agree with its TIS
+within 3–15%, the part that the grid does not cover. FILE#total instead scales each table to its TIS, for files whose
+values are only proportional to f. The direction of azimuth 0 follows Ansys's own converter (ansys/optical-automation)
+and agrees with a measured file, whose nodes below the horizon are 0. Nodes below the horizon are not read as samples.
+XYZ is converted to linear sRGB. Negative values are set to 0 and counted. The sense of rotation is not known.
 
-`write` gives Monochrome of one channel, XYZ of others; nodes under the horizon are 0, as in measured files.
+`write` writes one channel as Monochrome and others as XYZ. Nodes below the horizon are 0, as in measured files.
 """
 
 import math
@@ -64,7 +64,7 @@ _FAR = 1.5
 
 
 def sniff(head: bytes) -> bool:
-    """Whether a file that begins with `head` is of this format: one of its words before a line of another kind."""
+    """Return whether `head` begins a file of this format: ScatterType or AngleOfIncidence in its first lines."""
     seen = 0
     for _, line in numbered_lines(head):
         if line.startswith("#"):
@@ -84,11 +84,11 @@ def material_names(path: str | os.PathLike[str]) -> list[str]:
 
 
 def open_file(path: str | os.PathLike[str], channels: str = "rgb", drawing: Drawing | None = None) -> Reading:
-    """Return the nodes above the horizon as samples, and the tables as a reflectance; `drawing` does not matter.
+    """Return the nodes above the horizon as samples, and the tables as a reflectance; `drawing` is ignored.
 
-    Raises BadInput naming file and line: transmission, a word of the header that is missing or unknown, counts that the
-    file does not bear out, angles that do not rise or do not cover half a turn or a whole one, numbers that are none, a
-    cut end.
+    Raises BadInput that names file and line for transmission, missing or unknown keywords in the header, counts that
+    disagree with the file, angles that do not increase or do not cover half a turn or a whole turn, words that are not
+    numbers, and a truncated file.
     """
     check_channels(channels)
     file, member = split_member(path)
@@ -267,10 +267,11 @@ def _in_rgb(tables: IncidenceTables) -> IncidenceTables:
 
 
 def write(path: str | os.PathLike[str], reflectance: Reflectance, isotropic: bool, comments: Sequence[str] = ()) -> int:
-    """Write a reflectance at the nodes of `incidence_files`; the number of its values.
+    """Write a reflectance at the nodes of `incidence_files`; return the number of its values.
 
-    Monochrome of one channel, XYZ of R, G, B or a spectrum; PlaneSymmetrical where it is isotropic, else ASymmetrical4D
-    with 12 rotations. Six digits are written. Raises BadInput as `to_xyz`, and for a place that cannot be written.
+    One channel is written as Monochrome; R, G, B or a spectrum as XYZ. An isotropic reflectance is written as
+    PlaneSymmetrical, others as ASymmetrical4D with 12 rotations. Values have six digits. Raises BadInput as `to_xyz`,
+    and for a place that cannot be written.
     """
     tables = tabulated(reflectance, isotropic, about_mirror=True)
     every = [table for row in tables.tables for table in row]

@@ -1,8 +1,8 @@
 """Where the samples of a measurement lie: the spread of their angles, and the holes between them.
 
-Holes are counted on a coarse grid of θi × θo × |Δφ|, six steps of 15°, 15° and 30°. A measurement that leaves
-a cell empty leaves every fit of it to guess there. Neither reciprocity nor the azimuth fills a cell: an
-anisotropic material's samples may miss azimuths that this grid does not know of.
+Holes are the empty cells of a coarse grid of θi × θo × |Δφ| with six steps each, of 15°, 15° and 30°. Every fit
+extrapolates in an empty cell. Swapped samples do not fill a cell. The grid has no absolute azimuth, so it does not
+detect azimuths that are missing in the samples of an anisotropic material.
 """
 
 import math
@@ -19,7 +19,7 @@ STEPS = 6
 
 
 def holes(samples: Samples) -> dict[str, Any]:
-    """Return the share of empty cells of the module head's grid, their number and that of all cells (JSON-able)."""
+    """Return the share and number of empty cells of the grid, and the number of all cells (JSON-able)."""
     place = (coordinate_system("isotropic-in-out").evaluate(samples.wi, samples.wo) + 1) / 2
     cells = occupied_cells(place, (STEPS, STEPS, STEPS))
     total = STEPS**3
@@ -28,7 +28,7 @@ def holes(samples: Samples) -> dict[str, Any]:
 
 
 def occupied_cells(place: Tensor, steps: tuple[int, ...]) -> Tensor:
-    """The cell (N,) int64 of each place (N, k) in [0, 1]^k on a grid of `steps`; what is outside goes to the edge."""
+    """Return the grid cell (N,) int64 of each point (N, k) in [0, 1]^k; points outside get the nearest cell."""
     index = torch.zeros(place.shape[0], dtype=torch.int64, device=place.device)
     for axis, count in enumerate(steps):
         index = index * count + (place[:, axis] * count).long().clamp(0, count - 1)
@@ -36,7 +36,7 @@ def occupied_cells(place: Tensor, steps: tuple[int, ...]) -> Tensor:
 
 
 def spread(samples: Samples) -> dict[str, Any]:
-    """Return how far the samples reach, in degrees: [5%, median, 95%] of θi, θo, θh, θd, and how many lights there are.
+    """Return [5%, median, 95%] of θi, θo, θh and θd in degrees, and the number of light directions.
 
     `lights` counts the ωi that differ by more than 0.01° (JSON-able).
     """

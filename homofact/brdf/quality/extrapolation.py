@@ -5,26 +5,27 @@ values there too, but texels with few samples are poorly determined, and their e
 Therefore pairs of directions are drawn everywhere (the scheme lobe). Pairs that graze more than every sample, or that
 are farther from all samples than `FAR` times the usual distance between neighbours, get a value:
 
-* of `LEAST_FOLLOWED` isotropic samples or more (of fewer than `MANY`, if they end before `GRAZING`) that of
-  `brdf.scattered`, which follows a GGX model of them, at `FOLLOWED_SHARE` of the weight of all samples. Highlights grow
-  towards grazing angles, where a goniometer ends; textures that know the measured angles alone lost two thirds of the
-  light beyond them (`scripts/accuracy/beyond_the_samples.py`);
-* of others that of the nearest sample, at `SHARE`: enough to determine texels without samples, negligible elsewhere.
+* the value of `brdf.scattered`, which follows a fitted GGX model, if there are at least `LEAST_FOLLOWED` isotropic
+  samples (and, if fewer than `MANY`, they end before `GRAZING`). Together these pairs have `FOLLOWED_SHARE` of the
+  weight of all samples. Highlights grow towards grazing angles, which a goniometer does not reach. Without these pairs,
+  textures lost two thirds of the light beyond the measured angles (`scripts/accuracy/beyond_the_samples.py`);
+* otherwise the value of the nearest sample, with the share `SHARE` of the weight. This determines texels without
+  samples and is negligible elsewhere.
 
-The finished fit is then checked at a denser set of pairs. It may reach `EXCESS` times a bound.
-Between the samples the bound is the largest of all samples. Outside the measured range it is the largest of the
-`NEIGHBOURS` nearest ones, and of the model. Pairs above the bound are added as samples with the bound as their value,
-and the fit is solved again. (With the nearest samples as the bound between rings too, the highlight lost 60% at
-measured directions.)
+The finished fit is then checked at a denser set of pairs, where it may reach `EXCESS` times a bound. Within the
+measured range the bound is the largest of all samples. Outside it, the bound is the largest of the `NEIGHBOURS` nearest
+samples and of the value of the GGX model. Pairs above the bound are added as samples with the bound as their value, and
+the fit is solved again. (With the nearest samples as the bound between rings too, the highlight lost 60% at measured
+directions.)
 
 The measured range is the range of the smaller and of the larger of θi and θo and, for isotropic pairs, of |Δφ|. It
 extends through the normal and through the plane of incidence if samples lie within `_GAP` of them, since symmetry gives
 the values on the other side.
 
-Distances are those of `brdf.places`. `NEIGHBOURS` counts neighbours in the parabolic discs of both directions, also
-near a mirror direction, and of anisotropic samples as many in `brdf.places` too: between two azimuths of the light no
-neighbour in the discs has the highlight. (With those in the discs alone, the highlight of a brushed steel lost 60% at
-the largest angle of incidence.)
+Distances are measured in `brdf.places`, except for the `NEIGHBOURS` nearest samples of the bound: these are nearest in
+the parabolic discs of both directions. For anisotropic samples, as many nearest samples in `brdf.places` are added,
+since between two azimuths of the light no neighbour in the discs has the highlight. (Without them, the highlight of a
+brushed steel lost 60% at the largest angle of incidence.)
 """
 
 import math
@@ -64,7 +65,7 @@ _MARGIN = 1e-3
 
 
 class Extrapolation:
-    """The unmeasured part of `samples`' domain: empty for samples that were drawn by a scheme, which lie everywhere."""
+    """The unmeasured pairs of `samples`: none for samples drawn by a scheme, which cover all directions."""
 
     def __init__(self, samples: Samples) -> None:
         """Measure how far the samples reach."""
@@ -80,13 +81,13 @@ class Extrapolation:
             self._range = extent.amin(0) - _GAP, extent.amax(0) + margin
 
     def measured(self, wi: Tensor, wo: Tensor) -> Tensor:
-        """Whether pairs of directions (N, 3) lie within what was measured (N,): true everywhere for drawn samples."""
+        """Return whether pairs of directions (N, 3) were measured (N,): always true for drawn samples."""
         if self._known is None:
             return torch.ones(len(wi), dtype=torch.bool, device=wi.device)
         return ~self._far_from(self._known, self._at(wi.to(self._samples.wi), wo.to(self._samples.wo)))[0].to(wi.device)
 
     def carried_on(self) -> Samples | None:
-        """Return pairs that are not measured, with the values of the module's head; None where there are none."""
+        """Return unmeasured pairs with the values described in the module docstring; None if there are none."""
         if self._known is None:
             return None
         drawn = self._drawn(COUNT, _SEED)
@@ -99,17 +100,18 @@ class Extrapolation:
         return self._made(drawn, far, values, weight.expand(COUNT))
 
     def outside(self, wi: Tensor, wo: Tensor) -> Tensor:
-        """Return whether pairs of directions (N, 3) lie beyond the measured range (N,): nowhere for drawn samples."""
+        """Return whether pairs of directions (N, 3) lie outside the measured range (N,): never for drawn samples."""
         if self._known is None:
             return torch.zeros(len(wi), dtype=torch.bool, device=wi.device)
         pairs = self._at(wi.to(self._samples.wi), wo.to(self._samples.wo))
         return self._outside(pairs).to(wi.device)
 
     def exceeding(self, evaluate: Callable[[Tensor, Tensor], Tensor], attempt: int) -> Samples | None:
-        """Return where a fit is more than `EXCESS` times its bound, channel by channel; None where it is nowhere.
+        """Return pairs where any channel of a fit exceeds `EXCESS` times its bound; None if there are none.
 
-        With the bound for a value, each pair at the weight of a sample but all of them at no more than `MOST` of the
-        samples' weight. `attempt` counts the calls: other pairs are drawn in each.
+        The values of these pairs are the fit's, but at most the bound. Each pair has the mean weight of a sample, but
+        all pairs together have at most `MOST` of the samples' weight. `attempt` counts the calls; each call draws other
+        pairs.
         """
         if self._known is None:
             return None

@@ -4,12 +4,12 @@ Reciprocity is checked with the error of `brdf.symmetry`, computed from the refl
 
 Energy is checked with the albedo ∫ f cosθo dωo at a few angles of incidence. The integral runs over half vectors h: ωo
 is ωi mirrored at h and dωo = 4 (ωi·h) dωh. The steps of θh are finer towards the normal, so that narrow highlights are
-not missed. For a material that was lit from rings of θi with views all round, each direction ωo counts with the value
-of the nearest sample with the same light (`lit_rings`), if no single one decides: an interpolation between rings has
-highlights where nobody measured one.
+not missed. For samples on rings of θi with viewers all round, the value at each direction ωo is that of the nearest
+sample with the same light (`lit_rings`), unless one sample dominates the sum. Interpolation is avoided there because it
+would invent highlights between rings.
 
-An isotropic material that is lit, or seen, along the normal looks the same from all azimuths: what samples there differ
-by is noise, a spot that was not the same, or anisotropy.
+If an isotropic material is lit or seen along the normal, its value is the same at all azimuths. Differences between
+such samples come from noise, from different spots on the specimen, or from anisotropy.
 """
 
 import math
@@ -35,7 +35,7 @@ _ALONG, _LEAST_IN_A_GROUP = math.radians(0.5), 4  # nearer to the normal a direc
 
 
 def albedo(reflectance: Reflectance, degrees: float, azimuth: float = 0.0, rings: int = 48, spokes: int = 64) -> Tensor:
-    """∫ f cosθo dωo (C,) for light at `degrees` from the normal, by rings × spokes half vectors."""
+    """Return ∫ f cosθo dωo (C,) for light at `degrees` from the normal, from rings × spokes half vectors."""
     edge = (torch.arange(rings + 1, dtype=torch.float64) / rings) ** 2 * (math.pi / 2)
     middle = ((torch.arange(rings, dtype=torch.float64) + 0.5) / rings) ** 2 * (math.pi / 2)
     solid = (torch.cos(edge[:-1]) - torch.cos(edge[1:])) * (2 * math.pi / spokes)
@@ -52,11 +52,11 @@ def albedo(reflectance: Reflectance, degrees: float, azimuth: float = 0.0, rings
 
 
 def evaluated_faults(samples: Samples, reflectance: Reflectance, own: bool) -> dict[str, Any]:
-    """Reciprocity error and albedo, JSON-able; `own` says that the reflectance is not made of the samples.
+    """Return reciprocity error and albedo, JSON-able; set `own` if the reflectance does not interpolate the samples.
 
-    The albedo is that of the largest channel, of an anisotropic material the mean over azimuths of the light; from none
-    of them may it exceed 1. An interpolation of samples is asked at fewer places, and for light only where there was
-    light.
+    The albedo is that of the largest channel; for an anisotropic material it is the mean over azimuths of the light.
+    "energy_above_one" is true if the albedo exceeds 1 for any channel and azimuth. An interpolation of samples is
+    evaluated at fewer half vectors, and only at measured angles of incidence.
     """
     reciprocity = reciprocity_of(reflectance) if own else reciprocity_of_samples(samples)
     angles, fineness = (ALBEDO_DEGREES, {}) if own else (_lit(samples), {"rings": 16, "spokes": 24})
@@ -77,9 +77,9 @@ def evaluated_faults(samples: Samples, reflectance: Reflectance, own: bool) -> d
 
 
 def light_over_rings(samples: Samples, reflectance: Reflectance) -> list[tuple[float, float]]:
-    """Return (θi in degrees, light of a reflectance over that of the samples there), by rising θi; all azimuths.
+    """Return (θi in degrees, reflected light of a reflectance over the samples'), by increasing θi.
 
-    Of samples that lie on rings (`lit_rings`); empty for others.
+    All azimuths of the light are added. The list is empty if the samples do not lie on rings (`lit_rings`).
     """
     own: dict[float, list[float]] = {}
     for ring in lit_rings(samples):
@@ -91,10 +91,11 @@ def light_over_rings(samples: Samples, reflectance: Reflectance) -> list[tuple[f
 
 
 def spread_along_the_normal(samples: Samples) -> float | None:
-    """Return by how much isotropic samples along the normal differ with the azimuth; None for too few of them.
+    """Return the relative spread over azimuths of isotropic samples along the normal; None for too few samples.
 
-    Those with one direction within `_ALONG` of the normal are grouped by the other's angle. It is the median of the
-    groups' standard deviations over their means, of the mean of the channels.
+    Samples with one direction within `_ALONG` of the normal are grouped by the angle of the other direction. The spread
+    of a group is the standard deviation of its channel means divided by their mean. The result is the median over the
+    groups.
     """
     if not samples.isotropic:
         return None

@@ -9,7 +9,8 @@ function per block of rows. Least squares, reweighted for outliers, solves for t
 
 The data leave some choices open, which the model fixes as follows:
 
-* The mean of the log gains over the samples is 0, since no sample shows the absolute brightness of the lamp.
+* The mean of the log gains over the samples is 0, since the samples do not determine the absolute brightness of the
+  lamp.
 * A smooth gain that is equal over θi and θo cannot be distinguished from another material, and stays in the data.
 * A smooth gain over the angle shows only through the difference between θi and θo, which breaks reciprocity. If the
   rings of θo have no gains of their own, θi (the lamp's side) gets the whole difference; otherwise each gets half. (If
@@ -18,9 +19,9 @@ The data leave some choices open, which the model fixes as follows:
 * If the rows are sorted by an angle, a drift over rows cannot be distinguished from gains of rings.
 
 Gains below `LEAST_GAIN` (RMS of the log), and gains that hardly improve the fit, may come from the limits of the smooth
-fit on a clean material. They are reported and not divided out. But a few bad rings among good ones hardly improve the
-fit of all samples: then each ring that is suspected (`suspicion.ring_steps`) has its step against its neighbours
-divided out, one after the other.
+fit on a clean material. They are reported and not divided out. A few bad rings among good ones also hardly improve the
+fit of all samples. So in this case each suspected ring (`suspicion.ring_steps`) is corrected on its own: its gain
+relative to its neighbours is divided out, one ring after the other.
 """
 
 import math
@@ -56,7 +57,8 @@ _RIDGE_OF_ROWS = 1e-3
 class Gains:
     """Log gains of one kind: `at` (K,) are angles in degrees or rows, `logs` (K,) the gains there.
 
-    `of` is "theta_i", "theta_o" or "row". A ring's gain is that of the nearest angle, a row's is interpolated.
+    `of` is "theta_i", "theta_o" or "row". A sample gets the gain of the nearest angle, or a gain interpolated between
+    rows.
     """
 
     of: str
@@ -72,8 +74,9 @@ class Gains:
 
 @dataclass(frozen=True)
 class Calibration:
-    """What was found of one `kind`, "rings" or "rows": gains, their RMS in logs, by how much the fit's error falls (in
-    logs), and whether that is enough to divide them out. `bad` are single bad rings, where only these have gains."""
+    """The result for one `kind` of gains, "rings" or "rows". `rms` is the RMS of the log gains, and `improvement` the
+    log of the factor by which they reduce the error of the smooth fit. `bad` lists single bad rings; if it is not
+    empty, only these rings have gains."""
 
     kind: str
     gains: tuple[Gains, ...]
@@ -83,7 +86,7 @@ class Calibration:
 
     @property
     def removed(self) -> bool:
-        """Whether the gains are more than what the smooth fit misses of a clean material."""
+        """Whether the gains exceed what the smooth fit finds on a clean material, so they are divided out."""
         return bool(self.bad) or (self.rms >= LEAST_GAIN and self.improvement >= LEAST_IMPROVEMENT)
 
     def record(self) -> dict[str, Any]:
@@ -111,9 +114,9 @@ class Calibration:
 
 
 def calibrated(samples: Samples, kinds: Sequence[str]) -> Samples:
-    """Return the samples without their gains of `kinds` ("rings", "rows"), one kind after the other.
+    """Return the samples with gains of `kinds` ("rings", "rows") divided out, one kind after the other.
 
-    provenance["gains"] has what was found of each (`Calibration.record`). Raises BadInput for an unknown kind,
+    provenance["gains"] contains the result for each kind (`Calibration.record`). Raises BadInput for an unknown kind,
     anisotropic samples, and fewer than `LEAST_SAMPLES`.
     """
     for kind in kinds:
@@ -145,7 +148,7 @@ def gain_at(gains: Gains, samples: Samples) -> Tensor:
 
 
 def calibration_of(samples: Samples, kind: str) -> Calibration:
-    """Return the gains of one kind, without asking whether they are worth removing; see the module's head."""
+    """Return the gains of one kind, whether or not they are large enough to divide out."""
     order = torch.randperm(len(samples), generator=torch.Generator().manual_seed(0))
     index = order[:MOST_SAMPLES].sort().values
     some = samples.select(index.to(samples.wi.device))
@@ -212,11 +215,12 @@ def _of_rings(samples: Samples, evidence: Evidence, index: np.ndarray, count: in
 
 
 def lacking_reciprocity(evidence: Evidence) -> tuple[np.ndarray, np.ndarray, float]:
-    """Return (angles (K,) in degrees, log gains over θi there of mean 0, their RMS beyond what noise makes of it).
+    """Return (angles (K,) in degrees, log gains over θi at them with mean 0, their RMS with noise subtracted).
 
-    By reciprocity alone, of samples that lie on no rings: `BINS` bins of the angle, the gain over θi less that over θo.
-    The error of a bin's mean is that of the fit over the root of the samples in it; `NOISES` times its square is taken
-    off, for the samples of a bin are not as many as they are where they are weighted.
+    For samples that do not lie on rings, the gains follow from reciprocity alone: in `BINS` bins of the angle, the gain
+    over θi minus the gain over θo. The standard error of a bin is the error of the fit divided by the root of the
+    number of its samples. `NOISES` times its square is subtracted from the mean square of the gains. The factor is
+    above 1 because weights make the effective number of samples smaller.
     """
     theta_i, theta_o = (np.rad2deg(np.arccos(np.clip(w[:, 2], 0, 1))) for w in (evidence.wi, evidence.wo))
     at = _bins(np.concatenate((theta_i, theta_o)))

@@ -1,10 +1,10 @@
-"""The angle at which a ratio of sums is least, with a bootstrap's interval, from few evaluations.
+"""Find the angle that minimises a ratio of sums, with a bootstrap interval, from few evaluations.
 
-The sums come in blocks, so that those of every draw of the bootstrap are had at once. All angles that may be evaluated
-stand on one grid: steps of `COARSE` over the whole reach, and of `FINE` round the best of these. Of the grid only a run
-of neighbours is evaluated: it begins with the steps next to the best one, and grows on a side while the ratio of all
-blocks, of the first half of them, or of any draw is least at that end. Where each has one minimum, the answer is that
-of the whole grid, bit for bit.
+The sums are computed per block, so one evaluation gives the sums of all bootstrap draws. All angles lie on one grid,
+with steps of `COARSE` over the whole range and of `FINE` around the best coarse angle. Only a contiguous part of the
+grid is evaluated. It starts with the steps next to the best angle. It grows at an end while the ratio has its minimum
+at that end, for all blocks, for the first half of them, or for any draw. If each of these ratios has a single minimum,
+the result is bit-identical to evaluating the whole grid.
 """
 
 from collections.abc import Callable, Sequence
@@ -17,13 +17,13 @@ _Sums = Callable[[float], np.ndarray]
 
 
 def steps_round(centre: float, reach: float, step: float, limit: float) -> list[float]:
-    """Angles in even steps within `reach` of `centre`, none above `limit`; all rounded alike, so that they compare."""
+    """Return equally spaced angles within `reach` of `centre` and ±`limit`, rounded so that they compare equal."""
     grid = (centre + np.arange(-reach, reach + step / 2, step)).round(6) + 0.0
     return [degrees for degrees in grid.tolist() if abs(degrees) <= limit]
 
 
 class LeastAngle:
-    """Looks for the least ratio of `sums`, (2, 2 B) by degrees: numerators and denominators of 2 B blocks."""
+    """Minimises the ratio of `sums(degrees)`, which returns numerators and denominators (2, 2 B) of 2 B blocks."""
 
     def __init__(self, sums: _Sums, known: dict[float, np.ndarray]) -> None:
         """Begin with the sums that are `known`."""
@@ -36,7 +36,8 @@ class LeastAngle:
         return float(apart / max(both, 1e-300))
 
     def best_of(self, grid: Sequence[float], guess: float) -> float:
-        """Return the angle of a rising grid at which the ratio is least, downhill from the angle nearest to `guess`."""
+        """Return the angle of an increasing grid with the least ratio, going downhill from the angle nearest
+        `guess`."""
         place = min(range(len(grid)), key=lambda k: abs(grid[k] - guess))
         while True:
             beside = range(max(place - 1, 0), min(place + 2, len(grid)))
@@ -47,9 +48,9 @@ class LeastAngle:
             place = lowest
 
     def answer(self, grid: Sequence[float], best: float) -> tuple[float, tuple[float, float], float]:
-        """Return (the angle of the least ratio, its 95% interval, the angle of the first half of the blocks).
+        """Return (the angle of the least ratio, its 95% interval, the angle for the first half of the blocks).
 
-        `grid` rises and holds `best`, from where the run of evaluated angles grows.
+        `grid` increases and contains `best`, around which the evaluated part of the grid grows.
         """
         first = last = grid.index(best)
         # What was evaluated on the way belongs to the run where it is beside it, and steps to both sides in any case.

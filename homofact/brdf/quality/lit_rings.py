@@ -1,9 +1,10 @@
-"""Samples of a goniometer by the direction of their light, with the part of the hemisphere that is nearest to each.
+"""Group the samples of a goniometer by light direction, with the solid angle that is nearest to each sample.
 
-A sum over a ring is an integral over the viewer's directions: Σ f w = ∫ f cosθo dωo, each direction with the nearest
-sample of its ring. Of isotropic materials the nearest is the one at the nearest place about the half vector
-(`brdf.places`): a highlight that was measured in the plane of incidence is as wide across it, where the nearest view
-can be the highlight's own top. Samples that lie scattered, and rings with too few samples, have none.
+A weighted sum over a ring is an integral over the viewer's directions: Σ f w = ∫ f cosθo dωo, where each direction has
+the value of the nearest sample of the ring. For isotropic materials, the nearest sample is found in the coordinates of
+`brdf.places`, based on the half vector. A highlight measured only in the plane of incidence then has the same width
+across this plane; with the nearest viewer direction, its peak would spread across it. Scattered samples form no rings,
+and rings with too few samples are left out.
 """
 
 import math
@@ -42,10 +43,10 @@ class LitRing:
 
 
 def lit_rings(samples: Samples) -> tuple[LitRing, ...]:
-    """Return the rings by rising angle of incidence; of an anisotropic material one for each azimuth of the light.
+    """Return the rings by increasing θi; for an anisotropic material, one ring per azimuth of the light.
 
-    Without those of fewer than `_LEAST` samples, and those where more than `_FAR_PART` of the light of a white surface
-    has no sample within `_NEAR`.
+    A ring is left out if it has fewer than `_LEAST` samples, or if more than `_FAR_PART` of the light that a white
+    surface reflects has no sample within `_NEAR`.
     """
     theta, phi = to_spherical(samples.wi)
     keys = (theta / RING_WIDTH).round()[:, None]

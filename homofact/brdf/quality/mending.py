@@ -1,4 +1,4 @@
-"""What a measurement is opened with: the sample's tilt and gains of the instrument undone, clipped values marked."""
+"""Corrections when a measurement is opened: undo the specimen's tilt, divide out gains, mark clipped values."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -34,10 +34,11 @@ def wanted(calibrate: Sequence[str]) -> tuple[str, ...]:
 def straightened(
     name: str, reflectance: Reflectance, samples: Samples, calibrate: Sequence[str]
 ) -> tuple[Reflectance, Samples]:
-    """Return a measured table and the samples drawn from it with the tilt of the sample undone, where there is one.
+    """Return a measured table and its samples with the tilt of the specimen undone, if one is found.
 
-    `calibrate` as `open_source` takes it: "auto" passes over what no tilt can be found of, "tilt" raises BadInput.
-    provenance["tilt"] has what was found (`TiltFinding.record`). A list of samples is left to `mended`.
+    `calibrate` is that of `open_source`. If a tilt cannot be determined for this kind of source, "auto" returns it
+    unchanged and "tilt" raises BadInput. provenance["tilt"] contains the result (`TiltFinding.record`). Lists of
+    samples are returned unchanged; `mended` corrects them.
     """
     if not {AUTOMATIC, TILT} & set(calibrate) or "tilt" in samples.provenance:
         return reflectance, samples
@@ -68,10 +69,10 @@ def straightened(
 
 
 def mended(samples: Samples, calibrate: Sequence[str], clipped: float | str | None) -> Samples:
-    """Return a list of samples without clipped values, gains and a tilt, as far as `calibrate` asks for it.
+    """Return samples with clipped values marked, and with the gains and tilt that `calibrate` names undone.
 
-    Clipped values are those of the samples as they stand, and the rings of gains those of the directions as they stand,
-    so the tilt comes last. Raises BadInput as `clipping.marked` and `gains.calibrated` do.
+    Clipped values and the rings of the gains must be found in the samples as measured, so the tilt is undone last.
+    Raises BadInput as `clipping.marked` and `gains.calibrated` do.
     """
     if clipped is not None:
         samples = marked(samples, clipped)
@@ -85,7 +86,7 @@ def mended(samples: Samples, calibrate: Sequence[str], clipped: float | str | No
 
 
 def looked_at(samples: Samples) -> Samples:
-    """Return isotropic samples of a list with the tilt that is seen in them in their provenance; it is left in."""
+    """Return isotropic samples with the tilt found in them recorded in their provenance, but not undone."""
     if not samples.isotropic or "tilt" in samples.provenance:
         return samples
     record = find_tilt_of_samples(samples).record(undone=False)
@@ -93,9 +94,10 @@ def looked_at(samples: Samples) -> Samples:
 
 
 def mending_lines(provenance: dict[str, Any], looked_for: bool = False, left_in: bool = True) -> list[str]:
-    """What was done to samples of this provenance, a line each, for people.
+    """Return one line of text per correction in the provenance of samples.
 
-    A tilt `looked_for` in vain has a line as well, and one that was left in unless `left_in` is False.
+    If `looked_for`, a line also reports that no tilt was found. A tilt that was found and not undone has a line unless
+    `left_in` is False.
     """
     tilt = provenance.get("tilt") or {}
     told = ("undone", "asked", *(["left_in"] if left_in else []))

@@ -8,7 +8,8 @@ outlier only if it is far from all three:
 * the `NEIGHBOURS` nearest samples in (√θh, θd, φd), or in (h, d) for anisotropic materials;
 * the `BEFORE` samples with the next smaller θh, including itself: in a narrow highlight these are bright as well, and
   the innermost sample is compared only with itself;
-* the `BEFORE` samples with the next smaller θd: the same for retro-reflection, which at least two samples must show.
+* the `BEFORE` samples with the next smaller θd: the same for retro-reflection, which must appear in at least two
+  samples.
 
 The weight of a sample falls from 1 at `NEAR` to 0 at `FAR` times the usual distance (Hampel's redescending weights),
 but only for deviations of at least a factor of exp `LEAST`. A certain outlier thus has no influence on the flux or on
@@ -43,7 +44,7 @@ _ROUNDING = 1e-3  # logs nearer than this are alike
 def outlier_weights(samples: Samples, seed: int = 0) -> np.ndarray:
     """Return weights (N,) from 0 to 1 of the module's head; all 1 for fewer than `FEWEST` samples.
 
-    More than `MOST_AT_ONCE` are looked at in parts, drawn by `seed`.
+    More than `MOST_AT_ONCE` samples are processed in random parts, drawn by `seed`.
     """
     count = len(samples)
     trust = np.ones(count)
@@ -60,7 +61,7 @@ def outlier_weights(samples: Samples, seed: int = 0) -> np.ndarray:
 
 
 def without_outliers(samples: Samples, seed: int = 0) -> tuple[Samples, float]:
-    """Return (the samples without those of weight 0, the others weighted; the share of all weight that was taken).
+    """Return (the samples with outliers removed or weighted down, the share of the total weight removed).
 
     Raises BadInput where hardly any weight is left.
     """

@@ -1,24 +1,25 @@
-"""The tilt of a measured sample, found from what every material obeys: reciprocity, and mirror images.
+"""Find the tilt of a measured specimen from two laws of isotropic materials: reciprocity and mirror symmetry.
 
 `brdf.tilt` derives the fault. For an angle δ the misfit is the relative RMS by which the straightened reflectance g
 misses its own reciprocal mean,
 
     e(δ)² = Σ w (g(ωi, ωo) − g(ωo, ωi))² / Σ w (g(ωi, ωo) + g(ωo, ωi))²,    w = (cosθi cosθo)²/q,
 
-over pairs drawn along the lobe (`brdf.pair_density`, density q) with both angles under `LIMIT`, where instruments are
-steady and tables are dense. With δ = 0 it is the error that no reciprocal fit of the raw values can go below. For η the
-partner of a pair is its mirror image.
+over pairs drawn along the lobe (`brdf.pair_density`, density q) with both angles below `LIMIT`, where instruments are
+reliable and tables are dense. e(0) is the smallest error that a reciprocal fit of the raw values can have. For the
+angle η, the partner of a pair is its mirror image instead of the swapped pair.
 
-What a table's own nodes do to δ. Between few slices over θi even a reciprocal material is interpolated unevenly, which
-looks like a tilt. Therefore the straightened reciprocal mean is put into the same nodes, and the angle found there is
-taken off; the misfit found there is the part of e that is the table's own.
+Error from the nodes of a table. With few slices over θi, interpolation breaks the reciprocity of a reciprocal material,
+which looks like a tilt. Therefore the reciprocal mean of the straightened reflectance is stored in a table with the
+same nodes, and the tilt found in this table is subtracted. The misfit found in it is the part of e that the nodes
+cause.
 
-The interval is a bootstrap's. Pairs near each other share the errors of one slice of the table, so not pairs are drawn
-but blocks of them, by θd: an angle that one incidence wants and the next does not has a wide interval.
+The interval comes from a bootstrap. Neighbouring pairs share the errors of one slice of the table, so the bootstrap
+draws blocks of pairs by θd instead of single pairs. If different blocks suggest different angles, the interval is wide.
 
-A tilt is claimed where the odds are clear (`quality.tilt_finding`), and where a gain over the angle with one number,
-g(ωi, ωo) exp(c (θi² − θo²)), which a wrong cosine or an uneven lamp brings, leaves more. In a wide lobe the two look
-much alike.
+A tilt is claimed if the evidence is clear (`quality.tilt_finding`), and if it leaves a smaller misfit than a gain over
+the angle, g(ωi, ωo) exp(c (θi² − θo²)) with one parameter c. A wrong cosine or an uneven lamp causes such a gain, which
+resembles a tilt in a wide lobe.
 """
 
 import math

@@ -1,11 +1,12 @@
-"""What is found of a sample's tilt: an angle with its interval, and whether the odds are clear enough to undo it.
+"""The result of the search for a specimen's tilt: an angle, its interval, and whether it is certain enough to undo.
 
 A tilt is claimed where
 
-* the interval leaves out 0, and the angle is at least `LEAST` and not at the edge of the search;
-* pairs whose half vector lies near the plane of incidence want half of the angle on their own: a tilt shows there most,
-  while an anisotropic material that was read as isotropic lacks reciprocity out of that plane;
-* the misfit falls by `LEAST_GAIN`, and its square by more than the part that is a table's own.
+* the interval does not contain 0, and the angle is at least `LEAST` and not at the edge of the search range;
+* pairs whose half vector is near the plane of incidence, on their own, give at least half of the angle. A tilt has its
+  largest effect there, while an anisotropic material that was read as isotropic breaks reciprocity outside that plane;
+* undoing the tilt lowers the misfit by `LEAST_GAIN`, and its square by at least the square of the misfit that the
+  table's nodes cause.
 """
 
 import math
@@ -31,11 +32,11 @@ LEAST_MISFIT = 2e-3  # below it nothing is looked for: a clean table
 
 @dataclass(frozen=True)
 class TiltAngle:
-    """One angle in degrees with its 95% interval, and the relative misfit of the head without and with it undone.
+    """One angle in degrees with its 95% interval, and the relative misfit before and after undoing it.
 
-    `near_plane` is the angle that pairs near the plane of incidence alone want, `own` the misfit that the table's nodes
-    make of a reciprocal material, 0 where that is not known. `reason` says why the angle is not claimed; it is empty
-    where it is.
+    `near_plane` is the angle from pairs near the plane of incidence alone. `own` is the misfit that the table's nodes
+    cause for a reciprocal material, 0 if unknown. `reason` explains why the angle is not claimed; it is empty if it is
+    claimed.
     """
 
     degrees: float
@@ -49,7 +50,7 @@ class TiltAngle:
 
     @property
     def claimed(self) -> bool:
-        """Whether the odds are clear."""
+        """Whether the evidence is clear enough to undo the tilt."""
         return not self.reason
 
     def record(self) -> dict[str, Any]:
@@ -68,9 +69,9 @@ class TiltAngle:
 
 @dataclass(frozen=True)
 class TiltFinding:
-    """What was found of a measurement: the angle in the plane of incidence and the one across it.
+    """The tilt found in a measurement: the angle in the plane of incidence and the angle across it.
 
-    `errors` are the words for the misfit of each.
+    `errors` are the names of the two misfits in messages.
     """
 
     in_plane: TiltAngle
@@ -79,14 +80,14 @@ class TiltFinding:
 
     @property
     def tilt(self) -> Tilt | None:
-        """What is to be undone; None where nothing is claimed."""
+        """The tilt to undo; None if no angle is claimed."""
         angles = [angle.degrees if angle.claimed else 0.0 for angle in (self.in_plane, self.out_of_plane)]
         return Tilt(*(math.radians(angle) for angle in angles)) if any(angles) else None
 
     def record(self, undone: bool = True) -> dict[str, Any]:
-        """Return a JSON-able dictionary of a tilt that is `undone`, or left in, where there is one.
+        """Return a JSON-able dictionary; `undone` tells whether a claimed tilt was undone or left in.
 
-        "words" are a line for people, of which "found" is what was found and "effect" what undoing it does.
+        "words" is a line of text with two parts: "found" describes the tilt, and "effect" what undoing it changes.
         """
         angles = {"in_plane": self.in_plane.record(), "out_of_plane": self.out_of_plane.record()}
         tilted, (found, effect) = self.tilt is not None, self._parts(undone)
@@ -118,7 +119,7 @@ class TiltFinding:
 
 
 def doubted(angle: TiltAngle, law: str) -> TiltAngle:
-    """The angle with the reason why it is not claimed, if there is one."""
+    """Return the angle with the reason why it is not claimed, or with an empty reason."""
     span = f"95% interval {angle.low:+.3f}° to {angle.high:+.3f}°"
     if angle.misfit <= LEAST_MISFIT:
         reason = f"the values are {law} within {LEAST_MISFIT:.1%}"
@@ -149,7 +150,7 @@ def doubted(angle: TiltAngle, law: str) -> TiltAngle:
 
 
 def unknown(reason: str) -> TiltAngle:
-    """Return an angle of which nothing is known, with the reason."""
+    """Return an undetermined angle, with the reason."""
     return TiltAngle(0.0, -SEARCHED, SEARCHED, 0.0, 0.0, 0.0, reason=reason)
 
 

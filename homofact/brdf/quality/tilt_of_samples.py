@@ -1,25 +1,26 @@
-"""The tilt of the sample behind a list of scattered measurements, found by how well the values predict one another.
+"""Find the tilt of a specimen from scattered samples, by how well their values predict one another.
 
 `brdf.tilt` derives the fault, and `quality.tilt` finds it in a table, which can be evaluated at swapped directions. A
-list can not. But a reciprocal isotropic material depends on θh, θd and the folded φd alone: over these coordinates a
-straight measurement is one smooth surface, and a tilted one is two, with their highlights to both sides of θh = 0. So
-for every angle δ the list is straightened (`straightened_samples`), and a Gaussian process predicts the logarithm y of
-each value from those of all the others. The δ of the best predictions is the tilt.
+list of samples cannot. But a reciprocal isotropic material depends only on θh, θd and the folded φd. Over these
+coordinates, a measurement without tilt is one smooth surface. A tilted one is two surfaces, with highlights on both
+sides of θh = 0. So for every angle δ the samples are straightened (`straightened_samples`), and a Gaussian process
+predicts the logarithm y of each value from all other values. The δ with the best predictions is the tilt.
 
-The process has the covariance K = s² k(r) + V B Bᵀ + diag(σ²/w). k is Matérn's (1 + √3 r) exp(−√3 r) over the distance
-r in (log(θh + a little), θd, φd √θh sinθd), each in units of its own length. B has smooth functions of θd and of the
-cosines, and of θi less θo, so that neither a cosine too many nor a gain over the angle looks like a tilt. w makes dark
-values noisy. With α = K⁻¹ y and d = diag K⁻¹, the others predict sample n as y_n − α_n / d_n with the variance 1/d_n
-(Rasmussen and Williams 2006, equations 5.10 to 5.12). The score is the
-negative logarithm of its density, with Cauchy's tail for outliers. s, the lengths and σ have the largest likelihood at
-the δ that standard ones find, and are held from there on.
+The process has the covariance K = s² k(r) + V B Bᵀ + diag(σ²/w). k is the Matérn kernel (1 + √3 r) exp(−√3 r) over the
+distance r in (log(θh + a small angle), θd, φd √θh sinθd), each divided by its own length scale. The columns of B are
+smooth functions of θd and of the cosines, and functions of θi minus the same functions of θo. With them, neither an
+extra cosine nor a gain over the angle looks like a tilt. The weights w are small for dark values, which gives them more
+noise. With α = K⁻¹ y and d = diag K⁻¹, the others predict sample n as y_n − α_n / d_n with the variance 1/d_n
+(Rasmussen and Williams 2006, equations 5.10 to 5.12). The score is the negative logarithm of the predictive density,
+with Cauchy tails for outliers. s, the length scales and σ maximise the likelihood at the δ that standard values of
+these parameters find; after that they are fixed.
 
-Only samples with both angles under `LIMIT` and θh under `HIGHLIGHT` are used, at most `MOST` of them: those whose
-values a tilt changes most, by the slope of the highlight. The interval is a bootstrap's over blocks by θd, and the
-doubts are those of tables (`quality.tilt_finding`).
+Only samples with both angles below `LIMIT` and θh below `HIGHLIGHT` are used. At most `MOST` of them are chosen: those
+whose values a tilt changes most, by the slope of the highlight. The interval comes from a bootstrap over blocks by θd.
+A tilt is claimed by the same criteria as for tables (`quality.tilt_finding`).
 
-η, the tilt across the plane of incidence, is not looked for: many lists have one side of that plane alone, where η
-looks like a wider highlight.
+η, the tilt across the plane of incidence, is not searched for. Many lists have samples on only one side of that plane,
+where η looks like a wider highlight.
 """
 
 import math

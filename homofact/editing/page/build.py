@@ -57,11 +57,11 @@ def write_edit_page(
     stage: Callable[[str], object] | None = None,
     new: bool = False,
 ) -> int:
-    """Write the page, whole or not at all; its bytes. `new` says that nothing there may be replaced.
+    """Write the page atomically and return its size in bytes; `new` forbids replacing a file.
 
-    `numbers` are shown as a table a section, after those of the scene itself; `stage` is called with what is done.
-    Raises BadInput for transports in full, channels that are neither one nor red, green and blue, and a place that
-    cannot be written.
+    The page shows `numbers` as one table per section, after the numbers of the scene. `stage` is called with the name
+    of each step. Raises BadInput for uncompressed transports, for channels that are neither one nor red, green and
+    blue, and for a path that cannot be written.
     """
     _check(prepared)
     tell = stage or (lambda words: None)
@@ -89,7 +89,7 @@ def write_edit_page(
 
 
 def scene_numbers(prepared: PreparedScene) -> dict[str, dict[str, str | int | float]]:
-    """What the page says of the scene: pixels, lights, ranks, and how far low rank is off as the curves start."""
+    """Return the page's numbers of the scene: pixels, lights, ranks, and the low rank's error at the start."""
     pixels = sum(len(seen) for seen in prepared.pixels)
     found: dict[str, dict[str, str | int | float]] = {
         "Scene": {
@@ -108,7 +108,7 @@ def scene_numbers(prepared: PreparedScene) -> dict[str, dict[str, str | int | fl
 
 
 def error_words(share: float) -> str:
-    """Return an error in words; what nobody sees is not counted out."""
+    """Return an error in words; invisible errors get no exact number."""
     return "below 0.001%" if share < 1e-5 else percent(share)
 
 

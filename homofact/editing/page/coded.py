@@ -1,9 +1,9 @@
-"""Transports at low rank as whole numbers for the page: fine steps where a picture feels them, coarse ones elsewhere.
+"""Low-rank transports as integers for the page, with finer steps where they affect pictures more.
 
-R = Σ_k a_k h_k, h = W ρ. Every column k of a and every row of W has one step. A step is chosen so that its rounding,
-were it noise, adds the same to R for all k, and `QUIET` of R's root mean square in all, over edits ρ at random: numbers
-of what matters little are then small, and deflate makes them short. No step is finer than 16 bits need for the largest
-number of its column.
+R = Σ_k a_k h_k, h = W ρ. Every column k of a and every row of W has one step. The steps are chosen for random edits ρ,
+with rounding treated as noise. Each k then contributes the same error to R, and all together contribute `QUIET` times
+the RMS of R. Unimportant numbers become small integers, which deflate compresses well. No step is finer than 16 bits
+need for the largest number of its column.
 """
 
 import math

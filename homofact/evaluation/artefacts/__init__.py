@@ -1,1 +1,1 @@
-"""Artefacts: structure that a picture of a fit shows and one of its source does not."""
+"""Artefacts: visible errors in a picture of a fit that a picture of its source does not have."""

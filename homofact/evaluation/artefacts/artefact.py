@@ -1,15 +1,17 @@
-"""What an artefact is, and which one a piece of structure is: a needle, a ring, a rim, a hole or a spot.
+"""Classify visible errors in a picture of a fit: a needle, a ring, a rim, a hole or a spot.
 
-A piece is a connected set of pixels that are all too bright or all too dark. Its kind follows from its place and shape,
-in this order:
+A piece is a connected set of pixels that are all too bright or all too dark. The first of these rules that applies to
+its place and shape determines its kind:
 
-* rim: most of it lies where light or viewer graze (`GRAZING`);
-* ring: it has one distance from the highlight, within `THIN` of it, over at least a quarter of the turn about it;
-* needle: it is at least `LONG` times as long as wide, its axis passes the highlight, and it is not far from it;
-* else a spot where it is bright, a hole where it is dark.
+* rim: at most of its pixels, θi or θo is at least `GRAZING` degrees;
+* ring: its pixels have nearly the same distance from the highlight (standard deviation at most `THIN` of the mean), and
+  it covers at least a quarter of the circle around the highlight;
+* needle: it is at least `LONG` times as long as wide, its axis passes through or near the highlight, and its centre is
+  not far from the highlight;
+* otherwise it is a spot if it is too bright, or a hole if it is too dark.
 
-Distances are angles between the mirrored view and the light; under several lamps those of the lamp whose highlight is
-nearest.
+The distance from the highlight is the angle between the mirror direction of the view and the light. Under several
+lamps, the lamp with the nearest highlight counts.
 """
 
 from dataclasses import dataclass
@@ -28,7 +30,7 @@ _BINS = 24  # of the turn about a highlight
 
 
 class Kind(Enum):
-    """What an artefact looks like. The value is the word in records."""
+    """The shape of an artefact. The value is the string in JSON records."""
 
     NEEDLE = "needle"
     RING = "ring"
@@ -39,16 +41,16 @@ class Kind(Enum):
 
 @dataclass(frozen=True)
 class Artefact:
-    """Structure that a picture of the fit shows and none of the source.
+    """A visible error in a picture of the fit that no picture of the source has.
 
     Attributes
     ----------
     kind : what it looks like.
-    bright : whether it is too bright, else too dark.
+    bright : True if it is too bright, False if it is too dark.
     where : its place, in words.
-    size : by how much the pictures differ there, in parts of what the screen shows between black and white.
-    area : the part of the picture's pixels that it takes.
-    view : the picture that shows it best, as `views.View.name` has it.
+    size : the difference between the encoded pictures there, as a share of the range from black to white.
+    area : the share of the sphere's pixels that it covers.
+    view : the name of the picture that shows it best (`views.View.name`).
     """
 
     kind: Kind
@@ -60,7 +62,7 @@ class Artefact:
 
     @property
     def words(self) -> str:
-        """The artefact in a clause."""
+        """A phrase that describes the artefact, for messages."""
         light = "bright" if self.bright else "dark"
         return (
             f"a {light} {self.kind.value} {self.where} ({self.size:.0%} of white over {self.area:.1%} of"
@@ -87,7 +89,7 @@ _PICTURES = {
 
 
 def artefact_of(view: View, piece: np.ndarray, bright: bool, size: float) -> Artefact:
-    """Return the artefact that a piece (H, W) bool of a picture is; `size` is how much it differs there."""
+    """Return the artefact of a piece, a (H, W) bool mask; `size` is the difference between the pictures there."""
     inside = piece[view.inside]
     place = _Place.of(view, inside)
     kind = _kind(place, bright)

@@ -1,11 +1,12 @@
-"""Look for artefacts: needles, rings, rims, holes and spots in pictures of a fit that its source does not show.
+"""Find artefacts: needles, rings, rims, holes and spots in pictures of a fit that those of its source lack.
 
     look = look_for_artefacts(fit, source)
     look.artefacts        # the worst first; empty where nothing was found
 
-Each picture of `views` is shown at two exposures, chosen from the source: by its highlight and by its median (the
-close-up by its peak and its highlight). `structure` compares them, `artefact` names what it finds. The pictures of a
-source are kept for its next fit as long as the source object lives.
+Each picture of `views` is shown at two exposures, which are chosen from the source: one for its highlight and one for
+its median. For the close-up, one is for the peak and one for the highlight. `structure` compares the pictures of fit
+and source, and `artefact` classifies the differences. The pictures of a source are cached for its next fit as long as
+the source object exists.
 
 If the source consists only of samples, its pictures show several interpolations of them (`brdf.neighbours`). Pixels
 whose light comes from pairs of directions far from any sample are left out.
@@ -48,12 +49,13 @@ FEWEST = 100  # samples that an interpolation needs
 
 @dataclass(frozen=True)
 class Look:
-    """What was found.
+    """The artefacts of a fit.
 
     Attributes
     ----------
-    artefacts : the worst of each kind, the worst first.
-    left_out : the part of the pictures' pixels that no sample of the source says anything about.
+    artefacts : the worst artefact of each kind, sorted from worst to mildest.
+    left_out : the share of the pictures' pixels that are ignored because they show directions far from all samples of
+        the source.
     """
 
     artefacts: tuple[Artefact, ...]
@@ -65,9 +67,10 @@ class Look:
 
 
 def look_for_artefacts(fit: Reflectance, source: Source | Samples) -> Look | None:
-    """Return what pictures of a fit show that those of its source, or of its samples, do not.
+    """Return the artefacts in pictures of a fit, compared with pictures of its source or of its samples.
 
-    None where their channels cannot be shown in a picture. Raises BadInput where the fit is not finite.
+    Returns None if the channels cannot be shown as a colour picture or if there are fewer than `FEWEST` samples. Raises
+    BadInput if the fit's values are not finite.
     """
     of_source = _KEPT.of(source)
     return None if of_source is None else of_source.look(of_source.pictures(fit))
@@ -75,7 +78,7 @@ def look_for_artefacts(fit: Reflectance, source: Source | Samples) -> Look | Non
 
 @dataclass(frozen=True)
 class Shown:
-    """A view at one exposure: what the source shows there."""
+    """A view at one exposure, with the picture of the source and its range of values."""
 
     view: View
     exposure: float
@@ -84,7 +87,7 @@ class Shown:
     range: SourceRange
 
     def pieces(self, picture: np.ndarray) -> Iterator[tuple[float, Artefact]]:
-        """Yield (sum of the excess, artefact) of each piece that the fit's picture shows, one artefact a place."""
+        """Yield (mean excess over the sphere's pixels, artefact) for each piece, one artefact at each place."""
         excess = self.range.excess(picture)
         differs = np.sqrt(((picture - self.picture) ** 2) @ LUMA)
         count = self.view.inside.sum()
@@ -105,7 +108,7 @@ class Shown:
 
 
 class SourcePictures:
-    """All that is shown of one source."""
+    """The pictures of one source, in all views and exposures."""
 
     def __init__(self, source: Source | Samples) -> None:
         samples = source if isinstance(source, Samples) else source.samples
@@ -136,12 +139,12 @@ class SourcePictures:
     def draw(self, reflectance: Reflectance) -> Tensor:
         """Return the values (N, 1 or 3) of a reflectance at the pairs of all views.
 
-        Raises BadInput for one not finite.
+        Raises BadInput if its values are not finite.
         """
         return shader(reflectance, self.to_rgb)(*_pairs())
 
     def in_colour(self, values: Tensor) -> Tensor:
-        """Return values (N, C) of the source's channels in those of a picture."""
+        """Convert values (N, C) from the source's channels to those of a picture."""
         return values if self.to_rgb is None else self.to_rgb(values)
 
     def pictures(self, fit: Reflectance) -> list[np.ndarray]:
@@ -151,7 +154,7 @@ class SourcePictures:
         return [_encoded(drawn[each.view.name], each.view, each.exposure, each.curve) for each in self.shown]
 
     def look(self, pictures: Sequence[np.ndarray]) -> Look:
-        """Return what the `pictures` of a fit show."""
+        """Return the artefacts in the `pictures` of a fit."""
         pairs = zip(self.shown, pictures, strict=True)
         found = [piece for shown, picture in pairs for piece in shown.pieces(picture)]
         worst: dict[Any, tuple[float, Artefact]] = {}

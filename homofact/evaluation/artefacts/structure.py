@@ -1,11 +1,12 @@
-"""Structure in a picture of a fit that the pictures of its source do not have.
+"""Find structure in a picture of a fit that the pictures of its source do not have.
 
-A picture's values, encoded as a screen shows them, are cut into `BANDS`: a Gaussian blur by the first number of pixels
-less a blur by the second, over the sphere's pixels alone (what lies outside counts for nothing, so the silhouette is
-no edge). In each band the source shows values from a least to a largest one near a pixel, within `REACH` times the
-band's first blur. Both are stretched by `STRETCH`, so that a highlight may be a little too strong, too wide or in a
-neighbouring pixel. What of the fit's band lies outside this range is structure that the source does not have. The
-range always holds 0: a fit that merely lacks structure of its source, such as the instrument's noise, has no artefact.
+The display-encoded values of a picture are split into the frequency bands of `BANDS`. Each band is a difference of two
+Gaussian blurs, whose widths in pixels are the two numbers. Only pixels of the sphere enter the blurs, so the silhouette
+does not appear as an edge. For each pixel and band, the source has a range of values: the minimum and maximum within
+`REACH` times the width of the first blur. `STRETCH` widens this range, so a highlight of the fit may be slightly too
+strong, too wide or shifted by a pixel. The part of the fit's band outside the range is structure that the source does
+not have. The range always contains 0. So a fit that only lacks structure of its source, such as instrument noise, has
+no artefact.
 
 If the source consists only of samples, there are pictures of several interpolations. The range then covers all of
 them, widened by their differences.
@@ -27,14 +28,14 @@ _CUT = 3.0  # a Gaussian's reach in widths
 
 @dataclass(frozen=True)
 class SourceRange:
-    """The least and the largest values (H, W, 3) that the source shows near each pixel, a pair a band."""
+    """The smallest and largest values (H, W, 3) of the source near each pixel, one pair per band."""
 
     inside: np.ndarray
     bounds: tuple[tuple[np.ndarray, np.ndarray], ...]
 
     @classmethod
     def of(cls, readings: Sequence[np.ndarray], inside: np.ndarray) -> "SourceRange":
-        """That of the source's encoded pictures (H, W, 3), of which the first is the best."""
+        """Return the range of the source's encoded pictures (H, W, 3), the most accurate of which comes first."""
         banded = [bands(reading, inside) for reading in readings]
         bounds = []
         for (inner, _), *parts in zip(BANDS, *banded, strict=True):
@@ -48,9 +49,10 @@ class SourceRange:
         return cls(inside, tuple(bounds))
 
     def excess(self, picture: np.ndarray) -> np.ndarray:
-        """What of a fit's encoded picture (H, W, 3) lies outside the range: (H, W), positive where it is brighter.
+        """Return how far a fit's encoded picture (H, W, 3) exceeds the range: (H, W), positive where too bright.
 
-        Of the bands the value farthest from 0, as luminance; 0 outside the sphere.
+        At each pixel, the band with the largest excess counts, weighted by luminance. Outside the sphere the excess is
+        0.
         """
         worst = np.zeros(self.inside.shape)
         for band, (low, high) in zip(bands(picture, self.inside), self.bounds, strict=True):

@@ -1,11 +1,12 @@
-"""The small pictures that artefacts are looked for in, and the pairs of directions that they are made of.
+"""The small pictures in which homofact looks for artefacts, and the pairs of directions that they need.
 
-Each is of a unit sphere in `rendering.sphere`'s frame:
+Each picture shows a unit sphere in the frame of `rendering.sphere`:
 
 * "lamp": under the default directional light;
-* "highlight": the part of the same sphere round the highlight, `ZOOM` times as large, since a needle through a sharp
-  highlight is thinner than a pixel of the whole;
-* "sky": under small bright lamps, scattered over the sphere's front and sides, and a row of them, an edge of light.
+* "highlight": the area around the highlight of the same sphere, magnified `ZOOM` times, since a needle through a sharp
+  highlight can be thinner than a pixel of the whole picture;
+* "sky": under small bright lamps that are scattered over the sphere's front and sides. Some form a row, which acts as
+  an edge of light.
 
 The pairs are the same for all materials, so a reflectance is evaluated once for all pictures.
 """
@@ -31,14 +32,14 @@ _DOUBLINGS = 3
 
 @dataclass(frozen=True)
 class View:
-    """One picture's pixels, and the pairs of directions by which they are lit.
+    """The pixels of one picture, and the pairs of directions that light them.
 
     Attributes
     ----------
     name : "lamp", "highlight" or "sky".
-    inside : (PIXELS, PIXELS) bool, the pixels whose centre shows the sphere.
+    inside : (PIXELS, PIXELS) bool, True for the P pixels whose centre lies on the sphere.
     wi, wo : (N, 3), all pairs with light above the horizon.
-    pixel : (N,) which of the P pixels inside each pair lights, row by row.
+    pixel : (N,) the pixel that each pair lights, as an index into the P pixels inside, row by row.
     weight : (N,) cosθi times the lamp's irradiance.
     normal : (P, 3) of the pixels, world.
     lights : (K, 3) the lamps' directions, world, the brightest first.

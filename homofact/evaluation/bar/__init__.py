@@ -1,1 +1,1 @@
-"""How far a fit may be off: error bars whose rate was counted on simulated cases, and the score that warns."""
+"""Error bars of a fit, whose success rate was measured on simulated cases, and the score that triggers the warning."""

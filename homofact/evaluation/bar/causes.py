@@ -1,7 +1,8 @@
-"""Why the verdict warns: the figures that raise the probability of a bad fit most, beside those of a usual fit.
+"""Explain a warning: the figures that raise the probability of a bad fit most, compared with a typical fit.
 
-The warning is a logistic of figures (`bar.table`), so that each figure's part of the log odds is known: its weight
-times how far it is from the mean of the calibration. Figures that measure one thing are summed.
+The warning is a logistic function of a linear model (`bar.table`). So the contribution of each feature to the log odds
+is known: its weight times its difference from the calibration mean. Contributions of features that measure the same
+thing are added.
 """
 
 import math
@@ -64,10 +65,10 @@ WORDS = {
 
 
 def gap_in_words(gap: float, is_held_out: bool = True) -> str:
-    """Return the ratio of held-out to training error with the usual one.
+    """Return the ratio of held-out to training error beside the usual ratio, as text for messages.
 
-    Where nothing was held out it is that of the search's own validation, or 1 of a method that has none. The usual one
-    is the geometric mean over the fits to right samples in the calibration.
+    If nothing was held out, the ratio comes from the search's own validation, or is 1 for a method without validation.
+    The usual ratio is the geometric mean over the calibration fits to correct samples.
 
     Examples
     --------
@@ -84,9 +85,9 @@ def gap_in_words(gap: float, is_held_out: bool = True) -> str:
 
 
 def causes(model: LinearModel, features: Mapping[str, float]) -> list[tuple[str, float, float]]:
-    """Return (feature, its part of the log odds, its figure over the usual one) of the main causes, largest first.
+    """Return (feature, part of the log odds, ratio to the usual value) of each main cause, largest part first.
 
-    At least one is returned if any figure raises the odds and is on its bad side of the usual one.
+    The list has at least one cause if any feature raises the odds and is worse than usual.
     """
     parts: dict[str, float] = {}
     times: dict[str, float] = {}

@@ -1,9 +1,9 @@
-"""Error bars of a fit: one bar per quantity, with its kind and the range in which it holds.
+"""Error bars of a fit: one bar per quantity, with its kind and the range of angles for which it is valid.
 
 A bar states that the source reflects between `low` and `high` times the light of the fit. If the source can be
-evaluated everywhere, the bar is a measured error. For samples, the bar holds in nine of ten cases like those of the
-calibration (docs/verdict.md): fits of right samples or, where the verdict suspects a fault, of faulty ones.
-A bar wider than a factor of ten carries no information and is withdrawn.
+evaluated everywhere, the bar is a measured error. For samples, the bar is an estimate. In the calibration, nine of ten
+errors were within their bars (docs/verdict.md). The calibration uses fits to correct samples or, if the verdict
+suspects a fault, fits to faulty samples. A bar wider than a factor of ten carries no information and is withdrawn.
 """
 
 import math
@@ -32,7 +32,7 @@ GOOD = {"albedo": 0.15, "sky": 0.10, "lamp": 0.25}
 
 
 class BarKind(Enum):
-    """What a bar rests on. The value is the word in records."""
+    """How a bar was obtained. The value is the string in JSON records."""
 
     MEASURED = "measured"
     RIGHT = "if the data are right"
@@ -42,19 +42,21 @@ class BarKind(Enum):
 
 @dataclass(frozen=True)
 class ErrorBar:
-    """How far a fit may be off in one quantity.
+    """The bound of a fit's error in one quantity.
 
     Attributes
     ----------
-    quantity : "albedo" (light reflected in all, the worst channel and angle), "highlight" (light of the brightest
-        hundredth), "sky" or "lamp" (the picture of a sphere under either, Σ|difference| over Σ).
-    kind : what it rests on.
-    error : the bound of the error as a share; None where it is withdrawn.
-    rate : the share of fits that the bound holds for; 1 for what was measured.
-    degrees : the range of θ in degrees for which it holds.
-    reason : why it is withdrawn or wide, as a clause that "so the limits are wider" can follow; "" otherwise.
-    unmeasured : of the albedo at one angle, the share of the fit's light in directions without measurements.
-    ratio : the fit's light over the source's where the error was measured; None for an estimate and for pictures.
+    quantity : "albedo" (total reflected light, of the worst channel and angle), "highlight" (light in the brightest
+        1%), "sky" or "lamp" (the picture of a sphere under this light, Σ|difference|/Σ).
+    kind : how the bar was obtained.
+    error : the bound of the relative error, 0.09 for 9%; None if the bar is withdrawn.
+    rate : the share of calibration fits whose error is within the bound; 1 for a measured error.
+    degrees : the range of θ in degrees for which the bar is valid.
+    reason : why the bar is withdrawn or wide, as a clause for a sentence such as "…, so these limits are wider"; ""
+        otherwise.
+    unmeasured : for the albedo at one angle, the share of the fit's light that leaves in directions without
+        measurements; else 0.
+    ratio : the fit's light divided by the source's, if the error was measured; None for an estimate and for pictures.
     """
 
     quantity: str
@@ -77,7 +79,7 @@ class ErrorBar:
         reason: str = "",
         unmeasured: float = 0.0,
     ) -> "ErrorBar":
-        """Return a bar of a bound; withdrawn where that is more than `MOST`."""
+        """Return the bar for a bound; the bar is withdrawn if the bound exceeds `MOST`."""
         if not bound <= MOST:
             why = reason or TOO_WIDE
             return cls(quantity, BarKind.WITHDRAWN, None, rate, degrees, why, unmeasured)
@@ -85,30 +87,30 @@ class ErrorBar:
 
     @property
     def rests_on_extrapolation(self) -> bool:
-        """Whether more of the light leaves in directions without measurements than the bar is wide."""
+        """Whether the share of light in unmeasured directions is larger than the error bound."""
         return self.error is not None and self.unmeasured > max(self.error, _WORTH_SAYING)
 
     @property
     def direction(self) -> str:
-        """Return "too dark" or "too bright" of a measured error; "" where that is not known or next to nothing."""
+        """Return "too dark" or "too bright" for a measured error; "" if it was not measured or is below 1%."""
         if self.ratio is None or self.error is None or self.error < _WORTH_A_DIRECTION:
             return ""
         return "too dark" if self.ratio < 1 else "too bright"
 
     @property
     def low(self) -> float | None:
-        """The least that the source may have, over what the fit has."""
+        """The smallest possible ratio of the source's light to the fit's; None if the bar is withdrawn."""
         return None if self.error is None else 1 / (1 + self.error)
 
     @property
     def high(self) -> float | None:
-        """The most that the source may have, over what the fit has."""
+        """The largest possible ratio of the source's light to the fit's; None if the bar is withdrawn."""
         return None if self.error is None else 1 + self.error
 
     def words(self) -> str:
-        """As in "highlight within 9%, too dark"; of a withdrawn one "highlight unknown".
+        """Return the bar as text: "highlight within 9% (too dark)", or "highlight unknown" if it is withdrawn.
 
-        The albedo has its range of angles: "total reflected light within 9% (0–75°, too dark)".
+        For the albedo, the text includes the range of angles: "total reflected light within 9% (0–75°, too dark)".
         """
         name = WORDS[self.quantity]
         within = "unknown" if self.error is None else f"within {percent(self.error)}"
@@ -117,7 +119,7 @@ class ErrorBar:
         return f"{name} {within}" + (f" ({about})" if about else "")
 
     def between(self) -> str:
-        """Return what the source has over what the fit has: "0.95 to 1.05"; of a withdrawn one "unknown"."""
+        """Return the range of source/fit as text: "0.95 to 1.05", or "unknown" if the bar is withdrawn."""
         if self.low is None or self.high is None:
             return "unknown"
         form = ".3f" if self.high < 1.1 else ".3g"
@@ -140,7 +142,7 @@ class ErrorBar:
 
     @classmethod
     def of(cls, record: Mapping[str, Any]) -> "ErrorBar":
-        """Return the bar of a record. Raises KeyError, TypeError or ValueError for what is none."""
+        """Return the bar of a JSON record. Raises KeyError, TypeError or ValueError if the record is invalid."""
         low, high = map(float, record["degrees"])
         error, ratio = record["error"], record.get("ratio")
         return cls(
@@ -157,13 +159,13 @@ class ErrorBar:
 
 @dataclass(frozen=True)
 class ErrorBars:
-    """The bars of a fit: of all quantities, and of the albedo at single angles in order of θ."""
+    """The bars of a fit: `bars` for each quantity, and `by_angle` for the albedo at single angles, sorted by θ."""
 
     bars: tuple[ErrorBar, ...]
     by_angle: tuple[ErrorBar, ...] = ()
 
     def of(self, quantity: str) -> ErrorBar:
-        """Return the bar of a quantity. Raises BadInput for one that has none, naming those that have."""
+        """Return the bar of a quantity. Raises BadInput that lists the valid names for an unknown quantity."""
         for bar in self.bars:
             if bar.quantity == quantity:
                 return bar
@@ -172,11 +174,11 @@ class ErrorBars:
         )
 
     def interval(self, quantity: str, theta: float | None = None) -> ErrorBar:
-        """The bar of a quantity, of the albedo at an angle of incidence `theta` in degrees alone where it is given.
+        """Return the bar of a quantity or, with `theta`, of the albedo at this angle of incidence in degrees.
 
-        Between the angles of the table the errors are drawn straight, outside them the nearest is taken; beyond the
-        measured range there is none. Raises BadInput for an unknown quantity, an angle of another one than the albedo,
-        and one that is not from 0 to 90.
+        Between the angles of `by_angle`, the error is interpolated linearly. Below the first and above the last, the
+        nearest angle's error is used. Beyond the measured range the bar is withdrawn. Raises BadInput for an unknown
+        quantity, for `theta` with a quantity other than the albedo, and for an angle outside 0 to 90.
         """
         bar = self.of(quantity)
         if theta is None:
@@ -202,17 +204,17 @@ class ErrorBars:
 
     @property
     def kind(self) -> BarKind:
-        """What the bars that are stated rest on; withdrawn where none is."""
+        """How the bars were obtained; `BarKind.WITHDRAWN` if all bars are withdrawn."""
         return next((bar.kind for bar in self.bars if bar.error is not None), BarKind.WITHDRAWN)
 
     @property
     def too_wide(self) -> bool:
-        """Whether the fit may be off by more than a factor of ten, though its samples could be judged."""
+        """Whether a bar was withdrawn because the error may exceed a factor of ten."""
         return any(bar.error is None and bar.reason == TOO_WIDE for bar in self.bars)
 
     @property
     def wide(self) -> bool:
-        """Whether an estimated bar is wider than a good fit may be off: the bars do not show that it is good."""
+        """Whether an estimated bar exceeds the largest error of a good fit, so the fit may not be good."""
         estimated = (bar for bar in self.bars if bar.kind is not BarKind.MEASURED and bar.quantity in GOOD)
         return any(bar.error is not None and bar.error > GOOD[bar.quantity] for bar in estimated)
 
@@ -246,9 +248,9 @@ class ErrorBars:
         return f"{found} and within {percent(beyond)} at {others} (partly extrapolated)"
 
     def by_angle_sentence(self) -> str:
-        """Return at which angles of incidence the fit is good and at which bad, in a sentence.
+        """Return a sentence that lists the angles of incidence at which the fit is good or bad.
 
-        "" where that is the same at all angles, which the sentence on all of them says.
+        Returns "" if the fit is equally good at all angles, since `sentence` covers this case.
 
         Examples
         --------
@@ -270,7 +272,7 @@ class ErrorBars:
         return f"by angle of incidence, total reflected light is {joined}"
 
     def extrapolated_sentence(self) -> str:
-        """Return at which angles the bar rests on extrapolation, with the share of light; "" where at none.
+        """Return a sentence that lists the angles where the fit extrapolates, and their share of light; "" if none.
 
         Examples
         --------
@@ -296,7 +298,7 @@ class ErrorBars:
 
     @classmethod
     def of_record(cls, record: Any) -> "ErrorBars | None":
-        """Return the bars of a record; None for what is none."""
+        """Return the bars of a JSON record; None if the record is invalid."""
         try:
             bars, by_angle = (tuple(map(ErrorBar.of, record[part])) for part in ("all", "by_angle"))
         except (KeyError, TypeError, ValueError):
@@ -333,9 +335,9 @@ def _within(run: list[ErrorBar]) -> str:
 
 
 def percent(error: float) -> str:
-    """A limit as a share in words, rounded up: 0.4%, 2.1%, 5%, 12%; a factor of two digits if it is over 100%.
+    """Return a limit as text, rounded up: 0.4%, 2.1%, 5%, 12%; above 100%, a factor with two digits.
 
-    It is at least 0.1%. From 5% on it is whole.
+    The smallest result is 0.1%. From 5% on, percentages are whole numbers.
     """
     if math.isinf(error):
         return "an infinite factor"

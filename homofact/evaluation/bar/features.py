@@ -1,8 +1,9 @@
-"""The figures that error bars and the warning are computed from, by name.
+"""The features from which homofact computes error bars and the warning, by name.
 
-All are logarithms of a figure plus a small number, below which the figure is noise; linear models of the logarithms
-multiply the figures. `FEATURES` describes each. Those of a quantity (`OF_QUANTITY`) come from the interpolation of the
-samples (`bar.reading`), at the angles in the measured range; all others are equal for every quantity.
+Each feature is the logarithm of a figure plus a small constant; below this constant, the figure is noise. A linear
+model of logarithms corresponds to a product of powers of the figures. `FEATURES` describes the features that are the
+same for all quantities. The features that depend on the quantity (`OF_QUANTITY`) come from interpolations of the
+samples (`bar.reading`), at the angles in the measured range.
 """
 
 import math
@@ -61,13 +62,13 @@ RANGE_MARGIN = 2.0  # degrees: an albedo just beyond the outermost samples is me
 
 
 def angles_in_range(lowest: float, highest: float) -> tuple[int, ...]:
-    """Return which of `energy.ALBEDO_DEGREES` lie in a measured range of θ in degrees; the first at least."""
+    """Return the indices of `energy.ALBEDO_DEGREES` up to `highest` + `RANGE_MARGIN` degrees; at least the first."""
     inside = [k for k, at in enumerate(ALBEDO_DEGREES) if at <= highest + RANGE_MARGIN]
     return tuple(inside) or (0,)
 
 
 def common_features(figures: "Figures", odds: Mapping[str, float]) -> dict[str, float]:
-    """Return the features of `FEATURES` for a fit to samples; `odds` are those of all suspicions."""
+    """Return the features of `FEATURES` for a fit to samples; `odds` has the odds of each suspicion by name."""
     reading, light, data, errors, coverage = (
         figures.reading, figures.light, figures.data, figures.errors, figures.coverage,
     )  # fmt: skip
@@ -110,9 +111,10 @@ def common_features(figures: "Figures", odds: Mapping[str, float]) -> dict[str, 
 def features_of(
     figures: "Figures", odds: Mapping[str, float], quantity: str, angle: int | None = None
 ) -> dict[str, float]:
-    """All features for a quantity ("albedo", "highlight", "sky"), of the albedo at one of `ALBEDO_DEGREES` alone.
+    """Return all features of a quantity ("albedo", "highlight", "sky"), or of the albedo at one angle.
 
-    Of the albedo in all, those of a quantity are the worst of the angles in range, of the sky their means.
+    `angle` is an index into `ALBEDO_DEGREES`. Without it, the features of `OF_QUANTITY` are the largest over the angles
+    in range for the albedo, and their means for the sky.
     """
     reading = figures.reading
     assert reading is not None

@@ -1,20 +1,20 @@
 """Compare a fit with interpolations of its samples.
 
-One needs no model.
+There are two kinds of interpolation. The first, the plain interpolation, needs no model.
 
-The interpolation at a pair of directions is the mean, over its nearest samples in (√θh, θd, φd), of the logarithms
-log(f/A + 0.01). A second one, the corrected fit, adds the mean residual at these samples to the logarithm of the fit.
-Where values are steep, the plain interpolation is wrong and the corrected fit is right; where the fit is far from
-samples, it is the other way round. Both are also computed from each half of the samples, so that each half judges the
-directions of the other. The difference between the two halves measures chance.
+At a pair of directions it is the mean of log(f/A + 0.01) over the nearest samples in (√θh, θd, φd). The corrected fit
+is a variant of it: it adds the mean residual at these samples to the logarithm of the fit. Where values are steep, the
+plain interpolation is wrong and the corrected fit is right; where the fit is far from samples, it is the other way
+round. Both are also computed from each half of the samples and compared with the samples of the other half. The
+difference between the halves measures the random error.
 
-The fit's light is then integrated beside theirs at the angles of `energy.ALBEDO_DEGREES`: the total, and the brightest
-`energy.HIGHLIGHT` of it.
+Then the light of the fit and of the interpolations is integrated at the angles of `energy.ALBEDO_DEGREES`: the total
+light, and the brightest `energy.HIGHLIGHT` share of it.
 
-The other is the surface of `brdf.scattered`, which follows a GGX model of isotropic samples between and beyond them. It
-is much nearer to a material than the mean of its neighbours, so beside it the fit's light is also compared node by
-node, and in a small picture under a lamp. Of anisotropic samples, and of fewer than `scattered.LEAST_SAMPLES`, the
-plain interpolation takes its place.
+The second kind is the surface of `brdf.scattered`, which follows a GGX model between and beyond isotropic samples. It
+is much closer to the material than a mean of neighbours. So the fit is also compared with it at each quadrature node,
+and in a small picture under a lamp. For anisotropic samples, and for fewer than `scattered.LEAST_SAMPLES` samples, the
+plain interpolation replaces the surface.
 """
 
 import math
@@ -55,25 +55,29 @@ _MOST_APART = 1.0  # times the light of an angle: a fit that diverges at one doe
 
 @dataclass(frozen=True)
 class SampleReading:
-    """A fit beside a reading of its samples.
+    """Figures that compare a fit with interpolations of its samples.
 
     Attributes
     ----------
-    apart : RMS of log fit less reading, each half of the samples at the places of the other, weighted by light.
-    mended : the same of what the corrected fit adds.
-    bias : of what the fit misses, the part on which both halves agree: noise is not in it.
-    albedo : per angle, log of the corrected fit's total light over the fit's, of the channel that is farthest off.
-    read_albedo : the same of the plain reading.
-    chance : per angle, by how much the logs of the two halves' readings of the total light differ.
-    highlight, read_highlight, highlight_chance : the same of the brightest light, all angles together.
-    unmeasured : per angle, share of the fit's light at pairs that lie beyond the measurement.
-    gap : per angle, how far the fit's light is from the nearest sample, in (√θh, θd, φd) from 0 to 1 each, on average.
-    highlight_gap : the same of the brightest light.
-    effective : how many samples hold the light, (Σ f)²/Σ f² of it.
-    surface : per angle, log of the surface's total light over the fit's, of the channel that is farthest off.
+    apart : RMS difference between the logarithms of the fit and of the plain interpolation from one half of the
+        samples, at the samples of the other half, weighted by light.
+    mended : the same for the correction that the corrected fit adds.
+    bias : the part of the fit's error on which both halves agree, so it excludes noise.
+    albedo : per angle, log of the corrected fit's total light divided by the fit's, for the channel with the largest
+        |log|.
+    read_albedo : the same for the plain interpolation.
+    chance : per angle, the difference between the logs of the total light that the two halves give.
+    highlight, read_highlight, highlight_chance : `albedo`, `read_albedo` and `chance` for the brightest light, all
+        angles together.
+    unmeasured : per angle, share of the fit's light at pairs of directions outside the measured range.
+    gap : per angle, the mean distance to the nearest sample, weighted by the fit's light, in (√θh, θd, φd) scaled to
+        0…1.
+    highlight_gap : `gap` for the brightest light.
+    effective : the effective number of samples that carry the light, (Σ x)²/Σ x² with x the light of a sample.
+    surface : per angle, log of the surface's total light divided by the fit's, for the channel with the largest |log|.
     surface_highlight : the same of the brightest light, all angles together.
-    surface_apart : Σ|fit − surface| over the surface's light, the mean of the angles.
-    surface_lamp : the same of a sphere under a lamp.
+    surface_apart : Σ|fit − surface| divided by the light of the surface, at most 1 per angle, averaged over the angles.
+    surface_lamp : Σ|fit − surface|/Σ surface of the picture of a sphere under a lamp.
     """
 
     apart: float
@@ -111,7 +115,7 @@ class _Known:
 
 
 def reading_of(fit: Reflectance, samples: Samples, extrapolation: Extrapolation, seed: int = 0) -> SampleReading:
-    """Hold a fit against the reading of the samples that it was made from; `extrapolation` is of these."""
+    """Compare a fit with interpolations of the samples it was fitted to; `extrapolation` belongs to these samples."""
     drawn = samples.subset(MOST_SAMPLES, seed)
     transform = LogTransform.of_values(drawn.values, _EPSILON)
     place = half_places(drawn.wi, drawn.wo, drawn.isotropic).cpu().numpy()

@@ -1,4 +1,4 @@
-"""Choose the error bars of a fit: measured ones if the source can be evaluated, else those of the calibrated table."""
+"""Choose the error bars of a fit: measured errors if the source can be evaluated, else estimates of `bar.table`."""
 
 import math
 from collections.abc import Mapping
@@ -36,10 +36,10 @@ def measured_bars(seen: Appearance) -> ErrorBars:
 
 
 def stated_bars(figures: "Figures", odds: Mapping[str, float], constants: Table, doubt: str) -> ErrorBars:
-    """Return the bars of a fit to samples: of right samples or, where there is a `doubt` in words, of faulty ones.
+    """Return the estimated bars of a fit to samples; a `doubt`, given in words, selects those for faulty samples.
 
-    `odds` are those of the suspicions. No angle has a wider bar than the worst one: both are estimated, by models of
-    their own, and a bound of the worst angle bounds each.
+    `odds` has the odds of each suspicion. The bar of a single angle is never wider than the bar of the worst angle.
+    Separate models estimate them, and a bound for the worst angle also applies to each angle.
     """
     kind = BarKind.FAULT if doubt else BarKind.RIGHT
     models = "fault" if doubt else "right"
@@ -58,13 +58,13 @@ def stated_bars(figures: "Figures", odds: Mapping[str, float], constants: Table,
 
 
 def withdrawn_bars(figures: "Figures", reason: str) -> ErrorBars:
-    """No bar for any quantity."""
+    """Return bars that are all withdrawn."""
     degrees = stated_range(figures)
     return ErrorBars(tuple(ErrorBar(name, BarKind.WITHDRAWN, None, RATE, degrees, reason) for name in QUANTITIES))
 
 
 def stated_range(figures: "Figures") -> tuple[float, float]:
-    """Return the θ in degrees for which bars are stated: as far as was measured, and as albedos were calibrated."""
+    """Return the range of θ in degrees that the bars cover: the measured range, within that of the calibration."""
     coverage = figures.coverage
     lowest = 0.0 if coverage.lowest < _WHOLE else coverage.lowest
     return lowest, min(coverage.highest, _HIGHEST)

@@ -1,9 +1,10 @@
-"""The constants of the error bars and of the warning: one generated file, `table.json`, and the models in it.
+"""The models of the error bars and of the warning. A generated file, `table.json`, contains their constants.
 
-Made by `scripts/verdict/calibrate.py` from simulated fits, whose number, seed and hash it states. Every model is
-linear in features (`bar.features`), each clipped to the range that was seen. A bar is exp of a model of the log error,
-plus a model of how far that misses times the `RATE` quantile of this ratio on fits that neither had seen (conformal
-prediction with normalised residuals); the warning is a logistic.
+`scripts/verdict/calibrate.py` writes this file from simulated fits and records their number, seed and hash. Every model
+is linear in features (`bar.features`), and each feature is clipped to its range in the calibration. A bar is exp(m + q
+s). Here m is a model of the log error, s is a model of the size of its residual, and q is the `RATE` quantile of
+residual/s on fits that were used for neither model (conformal prediction with normalised residuals). The warning is a
+logistic function of a linear model.
 """
 
 import json
@@ -21,7 +22,7 @@ QUANTITIES = ("albedo", "highlight", "sky")
 
 @dataclass(frozen=True)
 class LinearModel:
-    """offset + Σ weight · (feature − mean), features clipped to [low, high]; `columns` holds the last four by name."""
+    """offset + Σ weight · (feature − mean), features clipped to [low, high]."""
 
     offset: float
     columns: Mapping[str, tuple[float, float, float, float]]
@@ -36,25 +37,25 @@ class LinearModel:
 
 @dataclass(frozen=True)
 class BarModel:
-    """A model of the log error of a quantity, one of how far it misses, and by how many times that nine of ten do."""
+    """A model of the log error of a quantity, one of its residual, and the `RATE` quantile of their ratio."""
 
     model: LinearModel
     spread: LinearModel
     quantile: float
 
     def bound(self, features: Mapping[str, float]) -> float:
-        """Return the bound of |log(fit/source)|, or of the share of a picture's light."""
+        """Return the bound of |log(fit/source)|, or of a picture's error as a share of its light."""
         spread = max(self.spread.value(features), LEAST_SPREAD)
         return math.exp(self.model.value(features) + self.quantile * spread)
 
 
 @dataclass(frozen=True)
 class Table:
-    """All models: bars of `QUANTITIES` and of the albedo by angle, if the data are right and if anything may be wrong.
+    """All models: of the bars of `QUANTITIES` and of the albedo by angle, for correct and for faulty data.
 
-    `bars[kind][quantity]` and `angles[kind]`, a model for each of `energy.ALBEDO_DEGREES`; `kind` is "right" or
-    "fault". `warning` gives the log odds that a fit is bad, `threshold` the probability at which the verdict warns.
-    `made` says by what the table was made: script, seed, fits, hash, version.
+    `bars[kind][quantity]` is a model; `angles[kind]` has one model for each of `energy.ALBEDO_DEGREES`. `kind` is
+    "right" or "fault". `warning` gives the log odds that a fit is bad, and `threshold` the probability at which the
+    verdict warns. `made` records how the table was made: script, seed, fits, hash, version.
     """
 
     bars: Mapping[str, Mapping[str, BarModel]]

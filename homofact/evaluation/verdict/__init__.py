@@ -1,1 +1,1 @@
-"""What is wrong with a fit, what is odd in its data, and what nobody measured: the verdict that every fit ends with."""
+"""The verdict of every fit: problems of the fit, faults of its data, and missing measurements."""

@@ -1,8 +1,9 @@
-"""One thing that is noted of a fit or of its samples: a true statement, and what it costs in the error bar.
+"""A finding: one observation on a fit or its samples, and the factor by which it widens the error bars.
 
-A finding is about the *fit*, which other settings can improve; about the *data*, which need another measurement or
-another import of the file; or about something *unknown*, since nobody measured it. No finding is an alarm by itself:
-one score of all figures decides whether the verdict warns (`verdict.Alarm`).
+A finding is about one of three subjects. A finding about the fit can be solved with other settings. A finding about the
+data needs another measurement or another import of the file. A finding about something unknown means that measurements
+are missing. A finding alone triggers no warning: a score computed from all figures decides whether the verdict warns
+(`verdict.Alarm`).
 """
 
 from dataclasses import dataclass
@@ -20,7 +21,7 @@ WORTH_SAYING = 1.1  # of a cost: less is not said
 
 
 class About(Enum):
-    """Whose fault a finding is. The value is the word in records."""
+    """The subject of a finding. The value is the string in JSON records."""
 
     FIT = "fit"
     DATA = "data"
@@ -28,23 +29,24 @@ class About(Enum):
 
     @property
     def title(self) -> str:
-        """The heading of such findings."""
+        """The heading above findings about this subject."""
         return {About.FIT: "Of the fit", About.DATA: "Of the data", About.UNKNOWN: "Not measured"}[self]
 
 
 @dataclass(frozen=True)
 class Finding:
-    """Something noted.
+    """One result of a check in the verdict.
 
     Attributes
     ----------
-    name : of the check.
-    about : whose fault it is.
-    found : what was found, with what is expected.
+    name : name of the check.
+    about : the subject: the fit, the data, or missing measurements.
+    found : text that states the result and the expected value.
     remedy : what to do, in one line.
-    advice : the setting to try, None where no setting helps.
-    feature : the feature of the error bars (`bar.features`) that it shows in; "" where none does.
-    cost : by what factor the widest of the bars is wider for it than in a usual case; None where that is not known.
+    advice : the setting to try; None if no setting helps.
+    feature : the feature of the error bars (`bar.features`) that this finding affects; "" for none.
+    cost : the factor by which the finding widens the most affected error bar, compared with a typical case; None if
+        unknown.
     """
 
     name: str
@@ -61,7 +63,7 @@ class Finding:
 
     @property
     def costs(self) -> str:
-        """What it costs, in words; "" where that is next to nothing."""
+        """Text that states by what factor the finding widens the error bars; "" if the factor is negligible."""
         if self.cost is None or self.cost < WORTH_SAYING:
             return ""
         return f"the limits of the verdict include this: they are up to {self.cost:.2g} times wider than usual"
@@ -79,5 +81,5 @@ class Finding:
 
 
 def ordered(findings: list[Finding]) -> tuple[Finding, ...]:
-    """Return the findings on the fit, then on the data, then on what is unknown; of one kind by what they cost."""
+    """Return the findings on the fit, then the data, then missing measurements, each sorted by falling cost."""
     return tuple(sorted(findings, key=lambda finding: (tuple(About).index(finding.about), -(finding.cost or 0.0))))

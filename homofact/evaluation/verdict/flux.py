@@ -1,7 +1,7 @@
-"""Figures of samples and fits by the light that they carry.
+"""Figures of samples and fits, weighted by light.
 
 A pair of directions is weighted by its flux, f cosθi cosθo times its solid angle (`brdf.pair_density.solid_angles`),
-so dark and grazing pairs have as little weight here as in a picture.
+so dark and grazing pairs have little weight, as in a picture.
 """
 
 import math
@@ -44,22 +44,24 @@ _LEVELS, _RINGS, _SPOKES = 6, 32, 24
 
 
 def flux_of(samples: Samples) -> Tensor:
-    """cosθi cosθo times solid angle (N,): what f is multiplied by to be light, up to a common factor."""
+    """Return cosθi cosθo times solid angle (N,), which turns f into flux, up to a common factor."""
     return solid_angles(samples) * samples.wi[:, 2] * samples.wo[:, 2]
 
 
 def misplaced(flux: Tensor, expected: Tensor, found: Tensor) -> float:
-    """Σ|f̂ − f| over Σ f of the light, all channels together, each in units of its own light."""
+    """Return the misplaced light Σ|f̂ − f|/Σ f, weighted by `flux`, as the mean of the channels' ratios."""
     own = (flux[:, None] * expected).sum(0)
     missed = (flux[:, None] * (found - expected).abs()).sum(0)
     return float((missed[own > 0] / own[own > 0]).mean()) if bool((own > 0).any()) else 0.0
 
 
 def by_incidence(samples: Samples, flux: Tensor, found: Tensor) -> tuple[tuple[float, float, float], ...]:
-    """Return (from, to, light of the fit over that of the samples) by θi in degrees, all channels together.
+    """Return rows (from, to, light of the fit / light of the samples), with θi in degrees, over all channels.
 
-    At each angle of incidence where samples lie on rings that are dense enough (`brdf.quality.lit_rings`), over all
-    azimuths of the light. If more angles have `LEAST_IN_A_BAND` samples, all of them, at each angle; else by bands.
+    If the samples of an angle of incidence lie on dense rings (`brdf.quality.lit_rings`), the angle has one row, over
+    all azimuths of the light. If the samples have at most `MOST_ANGLES` angles with `LEAST_IN_A_BAND` samples each, and
+    some of these angles have no dense rings, each angle has a row from its samples. Otherwise, without dense rings, the
+    rows are bands of θi.
     """
     rows = []
     rings = lit_rings(samples)
@@ -90,10 +92,11 @@ def by_incidence(samples: Samples, flux: Tensor, found: Tensor) -> tuple[tuple[f
 def worst_band(
     samples: Samples, flux: Tensor, found: Tensor, names: Sequence[str] = tuple(BANDS)
 ) -> tuple[float, str] | None:
-    """Return (light of the fit over that of the samples, where) in the band that is farthest off; None for none.
+    """Return (light of the fit / light of the samples, place as text) of the worst band; None without a band.
 
-    The bands are of the angles that are named, θi and θh. Channel by channel, in bands of `LEAST_IN_A_BAND` samples and
-    `LEAST_OF_THE_LIGHT`. What chance may do to so many samples, `SURE` standard errors of the difference, is taken off.
+    `names` selects bands of θi or θh. The ratio is computed for each channel, in bands with at least `LEAST_IN_A_BAND`
+    samples and a share of at least `LEAST_OF_THE_LIGHT` of the light. `SURE` standard errors are subtracted from the
+    difference, since it may be random.
     """
     theta_h, _, _ = rusinkiewicz_angles(samples.wi, samples.wo)
     angles = {"θi": to_spherical(samples.wi)[0], "θh": theta_h}
@@ -120,9 +123,10 @@ def worst_band(
 
 
 def brightest(samples: Samples, flux: Tensor, found: Tensor) -> float | None:
-    """Light of the fit over that of the samples, where they are brightest and hold `BRIGHTEST` of it; None for too few.
+    """Return fit/samples for the light of the brightest samples, which carry the share `BRIGHTEST`; None if too few.
 
-    The surrounding samples give the brightness of a place, since the brightest noisy samples are those with most noise.
+    Samples are ranked by the mean of their neighbourhood, since a ranking by single values would select samples with
+    large noise.
     """
     if len(samples) < 4 * BESIDE:
         return None
@@ -137,11 +141,12 @@ def brightest(samples: Samples, flux: Tensor, found: Tensor) -> float | None:
 
 
 def between_samples(samples: Samples, flux: Tensor) -> float:
-    """By how much the brightest samples exceed their neighbours, as a share of their value: the median of them.
+    """Return the median relative excess of the brightest samples over their neighbours.
 
-    Those that hold `BRIGHTEST` of the light, each beside the mean of its `BESIDE` nearest, of an isotropic material in
-    (√θh, θd): what other angles of the light show of a highlight is known. Where most of a bright sample is gone at the
-    next, the highlight is narrower than the sampling, and its light a matter of chance.
+    The brightest samples are those that carry the share `BRIGHTEST` of the light. Each is compared with the mean of its
+    `BESIDE` nearest neighbours. For an isotropic material, distances are in (√θh, θd), since samples at other angles of
+    incidence also show the highlight. If the value of a bright sample is mostly gone at its neighbours, the highlight
+    is narrower than the sampling, and its measured light is random.
     """
     if len(samples) < 4 * BESIDE:
         return 0.0
@@ -159,12 +164,13 @@ def between_samples(samples: Samples, flux: Tensor) -> float:
 
 
 def rising(samples: Samples, flux: Tensor) -> float:
-    """Return the exponent at which samples rise towards the mirror direction where they end, f ~ θh^(−exponent).
+    """Return the exponent of the rise towards the mirror direction at the innermost samples, f ~ θh^(−exponent).
 
-    Of the mean of the `INNERMOST` with the smallest θh, θd under `LEAST_GRAZING`, beside those at twice to three times
-    as much; less one standard error. A highlight whose top was measured is flat there; one that is still rising goes on
-    where no sample is, nobody knows how high. 0 where the samples are too few, or where what they rise to, carried on
-    to θh = 0, holds less than `LEAST_HIDDEN` of the light.
+    The function compares the mean of the `INNERMOST` samples with the smallest θh with the mean at two to three times
+    their θh, for θd below `LEAST_GRAZING`. One standard error is subtracted from the exponent. If the top of a
+    highlight was measured, the values are flat there. If they still rise, the peak lies beyond the samples and its
+    height is unknown. Returns 0 if there are too few samples, or if the rise, extrapolated to θh = 0, contains less
+    than `LEAST_HIDDEN` of the light.
     """
     theta_h, theta_d, _ = rusinkiewicz_angles(samples.wi, samples.wo)
     upright = theta_d < math.radians(LEAST_GRAZING)
@@ -190,9 +196,10 @@ def rising(samples: Samples, flux: Tensor) -> float:
 
 
 def towards_the_mirror(samples: Samples) -> tuple[float, float]:
-    """Return (θh in degrees within which `INNERMOST` samples lie, their mean over that at θh in `BASE_DEGREES`).
+    """Return (θh in degrees of the outermost of the `INNERMOST` samples, their mean / the mean in `BASE_DEGREES`).
 
-    Of samples with θd under `LEAST_GRAZING`. The second is 1 where either is empty or dark: no highlight was seen.
+    Only samples with θd below `LEAST_GRAZING` count. The second number is 1 if one of the two sets is empty or dark, so
+    no highlight was measured.
     """
     theta_h, theta_d, _ = (torch.rad2deg(angle) for angle in rusinkiewicz_angles(samples.wi, samples.wo))
     upright = theta_d < LEAST_GRAZING
@@ -206,13 +213,13 @@ def towards_the_mirror(samples: Samples) -> tuple[float, float]:
 
 
 def cut_light(flux: Tensor, expected: Tensor, is_cut: Tensor) -> float:
-    """Return share of the light of the worst channel where the fit `is_cut` (N, C) at zero."""
+    """Return the share of the light at samples where the fit is clipped to zero (`is_cut`, (N, C)), worst channel."""
     light = flux[:, None] * expected
     return float(((light * is_cut).sum(0) / light.sum(0).clamp_min(1e-300)).max())
 
 
 def standing_out(samples: Samples, flux: Tensor, found: Tensor, misses: Tensor) -> float:
-    """Return light by which few samples miss the fit by `OUTLIER` robust deviations; 0 where they are many."""
+    """Return the share of light by which outliers differ from the fit; 0 if they are more than `FEW_OUTLIERS`."""
     far = misses > OUTLIER * scale_of(misses)
     if float(far.double().mean()) > FEW_OUTLIERS:
         return 0.0
@@ -222,10 +229,11 @@ def standing_out(samples: Samples, flux: Tensor, found: Tensor, misses: Tensor) 
 
 
 def dark_light(samples: Samples, flux: Tensor) -> tuple[float, float, float]:
-    """(share of the samples that are zero in a channel, share of the light that is missing there, of white light).
+    """Return (share of samples that are zero in a channel, share of missing light, share of white light).
 
-    Of the worst channels. What is missing is what the nearest sample that is not zero would have there; the third is
-    the share of the light that a white surface would have where samples are zero in all channels.
+    The first two are for the worst channel. The missing light is what the zero samples would have with the value of the
+    nearest nonzero sample. The third is the share of a white surface's light at the samples that are zero in all
+    channels.
     """
     zero = samples.values == 0
     share, missing = float(zero.double().mean(0).max()), 0.0
@@ -246,9 +254,10 @@ def dark_light(samples: Samples, flux: Tensor) -> tuple[float, float, float]:
 
 
 def clipped_light(samples: Samples, flux: Tensor) -> float:
-    """Share of the light of the worst channel at samples that share its largest value: `LEAST_TIED` or more of them.
+    """Return the share of light at samples with the largest value of their channel, for the worst channel.
 
-    Not where most samples do, as those of a constant BRDF.
+    Only ties of at least `LEAST_TIED` samples count, and fewer than half of the samples: those of a constant BRDF do
+    not.
     """
     largest = 0.0
     for values in samples.values.T:
@@ -259,9 +268,10 @@ def clipped_light(samples: Samples, flux: Tensor) -> float:
 
 
 def rounded_light(samples: Samples, flux: Tensor) -> float:
-    """By how much of a channel's light rounding to equal steps misses, of the worst: a quarter of the step, on average.
+    """Return the mean error of rounding to equal steps, as a share of the light of the worst channel.
 
-    The step is the least between any two values: next to nothing where they are not rounded.
+    The step is the smallest difference between two values, and the mean error is a quarter of it. It is negligible for
+    values that are not rounded.
     """
     largest = 0.0
     for values in samples.values.T:
@@ -274,7 +284,7 @@ def rounded_light(samples: Samples, flux: Tensor) -> float:
 
 
 def differing_light(samples: Samples, flux: Tensor) -> float:
-    """Return light by which samples of the same two directions differ from their mean."""
+    """Return the share of light by which samples at the same two directions differ from their mean."""
     keys = (torch.cat((samples.wi, samples.wo), 1) / _SAME).round()
     _, group, counts = torch.unique(keys, dim=0, return_inverse=True, return_counts=True)
     if int(counts.max()) < 2:
@@ -285,9 +295,10 @@ def differing_light(samples: Samples, flux: Tensor) -> float:
 
 
 def worst_ring(samples: Samples, flux: Tensor, found: Tensor) -> tuple[float, float, str]:
-    """(light of a ring of θi or θo over what the fit and the rings beside it say, its share of the light, which).
+    """Return (ratio, share of the light, name) of the ring of θi or θo that differs most from its neighbours.
 
-    Farthest from 1; (1, 0, "") where directions lie on no rings.
+    The ratio is samples/fit on the ring, divided by the geometric mean of samples/fit on the two adjacent rings.
+    Returns (1, 0, "") if the directions do not lie on rings.
     """
     worst = 1.0, 0.0, ""
     for name, direction in (("θi", samples.wi), ("θo", samples.wo)):
@@ -310,7 +321,7 @@ def worst_ring(samples: Samples, flux: Tensor, found: Tensor) -> tuple[float, fl
 
 
 def albedos(fit: Reflectance, isotropic: bool) -> Tensor:
-    """∫ f cosθo dωo (angles, azimuths, C) at `ALBEDO_DEGREES`, by nodes that follow the lobe."""
+    """Return albedos ∫ f cosθo dωo (angles, azimuths, C) at `ALBEDO_DEGREES`, with nodes concentrated at the lobe."""
     theta = torch.tensor(ALBEDO_DEGREES, dtype=torch.float64).deg2rad()
     rows = []
     for azimuth in light_azimuths(isotropic):
@@ -322,9 +333,11 @@ def albedos(fit: Reflectance, isotropic: bool) -> Tensor:
 
 
 def largest_step(found: Tensor) -> tuple[float, str]:
-    """Return (albedo at an angle over that at its neighbour nearer to `STEADY_DEGREES`, where), the farthest from 1.
+    """Return (ratio, place as text) of the neighbouring angles whose ratio of albedos is farthest from 1.
 
-    Of `albedos`, up to `STEADY_DEGREES`, where the albedo of a material hardly depends on the angle.
+    The ratio is the albedo at an angle divided by the albedo at the next larger angle. Only angles up to
+    `STEADY_DEGREES`
+    count, where the albedo of a material hardly depends on the angle.
     """
     worst = 1.0, ""
     last = ALBEDO_DEGREES.index(STEADY_DEGREES)
@@ -341,7 +354,7 @@ def largest_step(found: Tensor) -> tuple[float, str]:
 
 
 def light_of(fit: Reflectance, isotropic: bool, extrapolation: Extrapolation) -> tuple[float, float]:
-    """(asymmetry Σ|f(ωi, ωo) − f(ωo, ωi)| over the sum of both, share beyond the measurement) of the fit's light."""
+    """Return (asymmetry Σ|f(ωi, ωo) − f(ωo, ωi)|/Σ of both, share outside the measured range) of the fit's light."""
     theta, weight = disc_nodes(_LEVELS)
     apart = both = outside = whole = 0.0
     for azimuth in light_azimuths(isotropic):
@@ -359,11 +372,11 @@ def light_of(fit: Reflectance, isotropic: bool, extrapolation: Extrapolation) ->
 
 
 def asymmetry_of_samples(samples: Samples, flux: Tensor, seed: int) -> float | None:
-    """Σ|f − f'| over Σ(f + f') of samples and those nearest to their swapped places, beyond what neighbours differ by.
+    """Return the asymmetry Σ|f − f'|/Σ(f + f') of the samples, minus the usual difference of neighbours.
 
-    As `brdf.symmetry.swapped_neighbours` finds them. Where the nearest sample of the swapped place is no farther off
-    in value than the nearest of the sample's own place, that is 0: a highlight between two samples is no lack of
-    reciprocity. None where fewer than `LEAST_IN_A_BAND` samples have a neighbour there.
+    f' is the value of the sample nearest to the swapped directions (`brdf.symmetry.swapped_neighbours`). The result is
+    0 if swapped neighbours differ no more than ordinary neighbours, since a highlight between two samples is no lack of
+    reciprocity. Returns None if fewer than `LEAST_IN_A_BAND` samples have a swapped neighbour.
     """
     swapped = swapped_neighbours(samples, seed)
     paired = swapped.paired

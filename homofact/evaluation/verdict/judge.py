@@ -1,8 +1,8 @@
-"""Every fit ends with a verdict for its user: its possible error, a warning if needed, and notes.
+"""Judge a fit: bound its error, warn if necessary, and list findings.
 
 If the source can be evaluated everywhere, the error is measured. For samples, the models of `bar.table` estimate it
-from their figures (`measuring`): under the condition that the samples are right or, if there is a suspicion or a
-warning, as for fits of faulty samples.
+from figures of the fit and the samples (`measuring`). The models for correct samples are used unless there is a
+suspicion or a warning; then those for faulty samples are used.
 """
 
 import math
@@ -44,11 +44,11 @@ def judge(
     seen: Appearance | None = None,
     look: Look | None = None,
 ) -> Verdict:
-    """Return the verdict on a fit of `train`, whose `errors` on (what it was given, `test`) are known.
+    """Return the verdict on a fit of `train`, given its `errors` on training samples and on `test`.
 
-    `seen` is its appearance beside its source, None where that cannot be asked, `look` what pictures of it show
-    (`artefacts.look`). `train` are the training samples as measured: azimuth copies agree with each other perfectly and
-    would hide it.
+    `seen` is the appearance of the fit compared with its source, None if the source cannot be evaluated everywhere.
+    `look` has the artefacts in pictures of the fit (`artefacts.look`). `train` are the training samples without azimuth
+    copies, since copies agree perfectly and would hide scatter in the data.
     """
     figures = measured_figures(fitted, report, train, test, errors, settings.seed, seen)
     suspected = tuple(suspicions(train, settings.seed)) if scheme_of(train) is None else ()
@@ -70,7 +70,7 @@ def judge(
 
 
 def measured_alarm(seen: Appearance) -> Alarm:
-    """Return whether the fit is bad, as measured against its source."""
+    """Return the alarm of a fit that was measured against its source; its score is 0 or 1."""
     ratio = seen.energy.albedo_worst
     off = abs(math.log(ratio)) if ratio > 0 and math.isfinite(ratio) else math.inf
     sky, lamp = (0.0 if math.isnan(each) else each for each in (seen.off_sky, seen.off_light))
@@ -84,16 +84,16 @@ def measured_alarm(seen: Appearance) -> Alarm:
 
 
 def is_good(off: float, sky: float, lamp: float) -> bool:
-    """Return whether a fit is a good one, as far as an eye can tell.
+    """Return whether a fit is good, by limits on its visible errors.
 
-    `off` is |log| of its worst albedo over the source's, `sky` and `lamp` are Σ|difference| over Σ of a sphere's
-    picture. Logarithms have no say: of a nearly diffuse material they hold little but noise.
+    `off` is |log| of the worst ratio of its albedo to the source's. `sky` and `lamp` are Σ|difference|/Σ of a picture
+    of a sphere. The log error does not count, since it is mostly noise for a nearly diffuse material.
     """
     return off <= math.log1p(OFF) and sky <= OFF_SKY and lamp <= OFF_LAMP
 
 
 def doubt_of(odds: Mapping[str, float], alarm: Alarm) -> str:
-    """Why the error bars are those of faulty samples, as a clause: "" where nothing speaks against the samples."""
+    """Return the reason for using the error bars of faulty samples, as a clause; "" if the samples seem correct."""
     if odds:
         return f"the samples look faulty ({', '.join(odds)})"
     if not alarm.given:

@@ -1,7 +1,7 @@
-"""What is measured of a fit and of its samples before anything is said of them.
+"""Compute the figures of a fit and of its samples from which the verdict is made.
 
-It needs the fit, what it was made from and the held-out samples, and where there is a source to be asked, the fit's
-appearance beside it.
+The inputs are the fit, its training samples and the held-out samples. If the source can be evaluated everywhere, the
+fit's appearance is another input.
 """
 
 import math
@@ -44,10 +44,11 @@ def measured_figures(
     seed: int,
     seen: Appearance | None = None,
 ) -> Figures:
-    """Return the figures of a fit of `train`, whose `errors` on (what it was given, `test`) are known.
+    """Return the figures of a fit of `train`, given its `errors` on training samples and on `test`.
 
-    `seen` is its appearance beside its source, None where that cannot be asked. `train` are the training samples as
-    measured: azimuth copies agree with each other perfectly and would hide it.
+    `seen` is the appearance of the fit compared with its source, None if the source cannot be evaluated everywhere.
+    `train` are the training samples without azimuth copies, since copies agree perfectly and would hide scatter in the
+    data.
     """
     drawn = train.subset(_MOST_SAMPLES, seed)
     values = fitted.evaluate(drawn.wi, drawn.wo).to(torch.float64)

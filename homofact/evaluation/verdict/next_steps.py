@@ -1,4 +1,4 @@
-"""What to try after a verdict that does not trust a fit: larger textures, or more of them for the same bytes."""
+"""Suggest settings after a verdict that does not trust a fit: larger textures, or more textures with equal bytes."""
 
 import math
 from dataclasses import dataclass
@@ -16,17 +16,18 @@ _BY_SIZE_ONLY = "narrow"
 
 @dataclass(frozen=True)
 class NextStep:
-    """Settings to change, and about how many bytes the fit then takes; None where that is not known."""
+    """Settings to change, and the approximate number of bytes of the new fit; None if it is unknown."""
 
     settings: tuple[Advice, ...]
     bytes: int | None = None
 
 
 def next_steps(verdict: Verdict, fitted: Fitted, method: Method) -> tuple[NextStep, ...]:
-    """Return what to try next, the cheaper first; nothing for a trusted fit or where no setting is known to help.
+    """Return the next settings to try, cheapest first; none for a trusted fit or if no setting is known to help.
 
-    For a fit that used all the textures it was allowed, it is another texture for the same bytes, and larger textures.
-    A search that kept fewer found that more do not lower the validation error, so only the size is left.
+    If the fit used all allowed textures, the suggestions are one more texture with the same bytes, and larger textures.
+    If a search used fewer textures, it found that more do not lower the validation error, so only larger textures are
+    suggested.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What is worth noting of a fit and of its samples: true statements with what is expected, none of them an alarm."""
+"""Make the findings of a verdict: statements about the fit and its samples, with the expected values."""
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -38,7 +38,7 @@ _MISPLACED_BY_A_BAD_FIT = 0.2  # of the held-out light: from here on the fit its
 
 @dataclass(frozen=True)
 class Noted:
-    """All that a note may look at."""
+    """The inputs of the checks that make findings."""
 
     fitted: Fitted
     figures: Figures
@@ -50,23 +50,23 @@ class Noted:
 
     @property
     def epsilon(self) -> float:
-        """Of the fit's logarithms."""
+        """The ε of the fit's log transform."""
         return self.fitted.transform.epsilon
 
     def was_followed(self, advice: Advice) -> bool:
-        """Return whether the fit, or the reading of its samples, was made with a setting."""
+        """Return whether the fit, or the import of its samples, already used the setting of an advice."""
         if advice.setting == "calibrate":
             return advice.value in (self.train.provenance.get("gains") or {})
         return vars(self.settings).get(advice.setting) == advice.value
 
     @property
     def whose(self) -> str:
-        """Of which logarithms it is said what is explained."""
+        """The owner of the logarithms whose explained variance a finding states: "held-out" or "source's"."""
         return "held-out" if self.figures.light.source_albedo is None else "source's"
 
     @property
     def floor(self) -> str:
-        """What the source's own lack of reciprocity leaves to a reciprocal fit, where it is worth a word."""
+        """Text with the smallest error of any reciprocal fit to this source; "" if it is negligible."""
         floor = self.figures.light.floor
         if floor is None or not floor >= _WORTH_NAMING:
             return ""
@@ -324,7 +324,7 @@ _NOTES = (
 
 
 def of_the_figures(noted: Noted) -> Iterator[Finding]:
-    """Yield where a figure is not as expected; of several notes of one name about one thing the first that speaks."""
+    """Yield a finding for each figure outside its expected range; only the first of each name and subject."""
     said: set[tuple[str, About]] = set()
     for note in _NOTES:
         finding = None if (note.name, note.about) in said else note.finding(noted)
@@ -334,7 +334,7 @@ def of_the_figures(noted: Noted) -> Iterator[Finding]:
 
 
 def of_the_suspicions(noted: Noted) -> Iterator[Finding]:
-    """Yield the suspicions about units, conventions and the instrument, except those that are noted by their light."""
+    """Yield findings for suspected units, conventions and instrument faults that have no finding of their own."""
     for each in noted.suspicions:
         if each.name not in _SEEN_BY_LIGHT:
             words = f"{each.words}, odds of {min(each.odds, 1e6):,.0f} to 1"
@@ -343,7 +343,7 @@ def of_the_suspicions(noted: Noted) -> Iterator[Finding]:
 
 
 def of_the_pictures(noted: Noted) -> Iterator[Finding]:
-    """Structure that pictures of the fit show and those of its source do not."""
+    """Yield findings for artefacts in pictures of the fit."""
     for artefact in () if noted.look is None else noted.look.artefacts:
         yield Finding(
             "artefact",
@@ -355,7 +355,7 @@ def of_the_pictures(noted: Noted) -> Iterator[Finding]:
 
 
 def of_the_tilt(noted: Noted) -> Iterator[Finding]:
-    """A tilt of the sample that was seen in a measurement and left in."""
+    """Yield a finding for a specimen tilt that was detected in a measurement and not corrected."""
     if tilt := _tilt_left_in(noted):
         yield Finding("tilt", About.DATA, tilt["found"], tilt["effect"])
 

@@ -1,4 +1,4 @@
-"""The verdict itself: the possible error of a fit, the warning, the notes, and all figures behind them."""
+"""The verdict: the error bars of a fit, the warning, the findings, and all figures on which they are based."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -17,11 +17,12 @@ class Alarm:
 
     Attributes
     ----------
-    score : the probability that it is bad: its albedo off by over 15% at some angle in a channel, or less than 90% of
-        the logarithms explained. 0 or 1 if it was measured against the source.
-    threshold : the score from which on the verdict warns.
-    why : what raises the score most, in words; "" where nothing does.
-    lacking : whether this is only a lack of measurements.
+    score : the probability that the fit is bad: its albedo is wrong by more than 15% at some angle in a channel, or a
+        picture of a sphere by more than 10% under a sky or 25% under a lamp (`judge.is_good`). If the fit was measured
+        against its source, the score is 0 or 1.
+    threshold : the verdict warns if the score is above this value.
+    why : text that names the main causes of a high score; "" if there are none.
+    lacking : whether the only cause is a lack of measurements.
     """
 
     score: float
@@ -35,15 +36,16 @@ class Alarm:
         return self.above(None)
 
     def above(self, threshold: float | None) -> bool:
-        """Return whether the score is above another threshold than the usual one."""
+        """Return whether the score is above a given threshold instead of the usual one."""
         return not self.score <= (self.threshold if threshold is None else threshold)
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """What a fit ends with: `status` is how it ended, `findings` those of the fit first.
+    """The verdict on a fit: `status` of the solver or search, error bars, alarm, figures and `findings`.
 
-    `look` is what pictures of the fit show beside those of its source, None where nothing could be drawn.
+    Findings about the fit come first. `look` has the artefacts in pictures of the fit; it is None if no pictures could
+    be rendered.
     """
 
     status: Status
@@ -55,7 +57,7 @@ class Verdict:
 
     @property
     def trusted(self) -> bool:
-        """Return whether the verdict does not warn, no picture shows an artefact, and no limit is too wide."""
+        """Return whether the verdict does not warn, no picture shows an artefact, and no error bar is too wide."""
         return not self.alarm.given and not self._artefacts and not self.bars.too_wide
 
     def about(self, whose: About) -> tuple[Finding, ...]:
@@ -63,12 +65,12 @@ class Verdict:
         return tuple(finding for finding in self.findings if finding.about is whose)
 
     def without(self, whose: About) -> "Verdict":
-        """Return the verdict with no findings about one of the three."""
+        """Return the verdict without the findings about one subject (the fit, the data, or what is unknown)."""
         return replace(self, findings=tuple(each for each in self.findings if each.about is not whose))
 
     @property
     def summary(self) -> str:
-        """Return whether the fit is trusted, its possible error, and the warning if there is one, in one sentence."""
+        """Return the verdict as one sentence: trusted or not, error bars, visible artefacts, and the warning if any."""
         warned = f"; warning: {self.alarm.score:.0%} likely to be bad" if self.alarm.given else ""
         shown = f"; visible artefacts: {', '.join(self._artefacts)}" if self._artefacts else ""
         return trust_in_words(self.trusted, self.bars.sentence() + shown + warned, self.bars.wide)
@@ -84,13 +86,13 @@ class Verdict:
 
     @property
     def recommended(self) -> Advice | None:
-        """Return the setting to try first after a warning; None if no setting is known to help."""
+        """Return the setting to try first for a fit that is not trusted; None if no setting is known to help."""
         if self.trusted:
             return None
         return next((finding.advice for finding in self.findings if finding.advice), None)
 
     def record(self) -> dict[str, Any]:
-        """Return a JSON-able dictionary, the figures of all groups side by side."""
+        """Return a JSON-able dictionary, with the figures of all groups on one level."""
         return self.figures.record() | {
             "status": self.status.value,
             "trusted": self.trusted,

@@ -1,1 +1,1 @@
-"""Searches over projections, one method a file, all with best-so-far, trace and report."""
+"""Searches over projections, one method per file. All keep the best result so far, a trace and a report."""

@@ -1,4 +1,4 @@
-"""The searches' names, apart from the searches: how they are checked without loading torch."""
+"""The names of the searches, in a module that checks them without importing torch."""
 
 _SHORT_NAMES = {
     "PRAXIS": "LN_PRAXIS",
@@ -13,12 +13,12 @@ EXPECTED_OF_NLOPT = f"{', '.join([*_SHORT_NAMES, 'LD_LBFGS', 'LD_SLSQP'])} or an
 
 
 def in_full(algorithm: str) -> str:
-    """Return an algorithm of nlopt as nlopt spells it."""
+    """Return the full name of an nlopt algorithm, such as LN_PRAXIS for PRAXIS."""
     return _SHORT_NAMES.get(algorithm, algorithm)
 
 
 def has_algorithm(algorithm: str) -> bool:
-    """Return whether nlopt has an algorithm of this name, that needs no more than it is given here."""
+    """Return whether nlopt has an algorithm of this name, and it needs no further settings (LN_, LD_, GN_ or GD_)."""
     import nlopt
 
     full = in_full(algorithm)
@@ -26,7 +26,7 @@ def has_algorithm(algorithm: str) -> bool:
 
 
 def expected_search(name: str) -> str | None:
-    """Return what is expected instead where `name` is no search; None where it is one."""
+    """Return the expected names, for an error message, if `name` is not a search; None if it is."""
     if name.startswith("nlopt-"):
         return None if has_algorithm(name.removeprefix("nlopt-")) else f"behind nlopt- {EXPECTED_OF_NLOPT}"
     return None if name in ("gradient", "powell") else _EXPECTED

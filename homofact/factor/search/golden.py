@@ -8,7 +8,7 @@ GOLDEN = 0.6180339887498949
 def golden_section(
     function: Callable[[float], float], at_zero: float, step: float, tolerance: float, period: float
 ) -> tuple[float, float]:
-    """Return (t, value) of a local minimum of a periodic function, starting at t = 0, where it is `at_zero`.
+    """Return (t, value) of a local minimum of a periodic function; the search starts at t = 0 with value `at_zero`.
 
     First, the search steps downhill from 0 to find a bracket a < b < c with g(b) below both ends; the steps grow from
     `step` by the golden ratio, up to half a period. Then the bracket shrinks by the same ratio to `tolerance`.

@@ -1,7 +1,7 @@
 """Joint descent over all searched projections with the variable-projection gradient (L-BFGS).
 
-The vector is minimised as it is, quaternions unnormalised: their length is a flat direction, which
-L-BFGS never steps along, since the gradient has no part in it.
+The search changes the quaternions without normalising them. R does not depend on their length, so the gradient has no
+component along it, and L-BFGS never steps in this direction.
 """
 
 from dataclasses import dataclass, replace
@@ -16,9 +16,9 @@ from homofact.factor.search.minimize import MeasuredObjective, SearchEnding
 
 @dataclass(frozen=True)
 class Gradient:
-    """L-BFGS (scipy's L-BFGS-B without bounds): most iterations, the gain that ends, memory of steps.
+    """L-BFGS (scipy's L-BFGS-B without bounds), with its maximum of iterations, tolerance and memory of steps.
 
-    The gain is in units of the first value.
+    The tolerance is a gain per iteration, relative to the first value.
     """
 
     iterations: int = 60
@@ -27,7 +27,7 @@ class Gradient:
 
     @property
     def independent(self) -> bool:
-        """Whether several may run side by side."""
+        """Whether several searches may run in parallel."""
         return True
 
     @property
@@ -36,11 +36,11 @@ class Gradient:
         return "gradient"
 
     def limited(self, steps: int) -> "Gradient":
-        """Return the same with at most `steps` iterations."""
+        """Return the same search with at most `steps` iterations."""
         return replace(self, iterations=steps)
 
     def descend(self, measured: MeasuredObjective, start: Tensor, seed: int) -> SearchEnding:
-        """See `minimize.Search`; the seed has no part in it."""
+        """See `minimize.Minimizer`; the seed has no effect."""
 
         # scipy's tolerance is relative for values above 1 only: in units of the first value it is relative to that.
         scale = 0.0

@@ -1,7 +1,7 @@
-"""Minimise an objective by any search: count evaluations, stop in time, return the result.
+"""Minimise an objective by any search: count evaluations, enforce the time limit, return the result.
 
 A search (`gradient`, `nlopt`, `powell` …) only proposes vectors and receives their values. `minimize` handles the rest:
-the best vector so far, the trace of how it got better, the guard's clock, Ctrl-C and the status.
+the best vector so far, the trace of improvements, the time limit, Ctrl-C and the status.
 """
 
 import time
@@ -16,19 +16,19 @@ from homofact.factor.objective import JointObjective, Objective
 
 
 class DeadlineReached(Exception):
-    """Raised inside an evaluation to leave a library's loop when the clock is up; never seen outside of `minimize`."""
+    """Raised inside an evaluation to leave a library's loop at the time limit; `minimize` catches it."""
 
 
 @dataclass(frozen=True)
 class SearchEnding:
-    """How a search ended by itself: whether by its own tolerance, and after how many iterations."""
+    """How a search ended: whether it met its tolerance, and its number of iterations."""
 
     converged: bool
     iterations: int
 
 
 class Minimizer(Protocol):
-    """A way to minimise, a frozen dataclass of its own settings."""
+    """A minimisation method, as a frozen dataclass of its settings."""
 
     @property
     def name(self) -> str:
@@ -37,20 +37,20 @@ class Minimizer(Protocol):
 
     @property
     def independent(self) -> bool:
-        """Whether several may run side by side with equal results."""
+        """Whether several searches may run in parallel with equal results."""
         ...
 
     def limited(self, steps: int) -> "Minimizer":
-        """Return the same search with at most so many iterations (or, where it counts those, evaluations)."""
+        """Return the same search with at most `steps` iterations, or evaluations if it counts these."""
         ...
 
     def descend(self, measured: "MeasuredObjective", start: Tensor, seed: int) -> SearchEnding:
-        """Ask `measured` about vectors, from `start` on, until this search's own end."""
+        """Evaluate `measured` at vectors, starting from `start`, until the search ends."""
         ...
 
 
 class MeasuredObjective:
-    """An objective that remembers: the best vector so far and the trace of how it got better."""
+    """An objective that records the best vector so far and the trace of improvements."""
 
     def __init__(self, objective: Objective | JointObjective, deadline: float) -> None:
         """`deadline` is on the clock of time.perf_counter."""
@@ -90,10 +90,10 @@ def minimize(
     seconds: float = float("inf"),
     seed: int = 0,
 ) -> tuple[Tensor, Report]:
-    """Return the best vector (V,) that `search` met, and a report whose residual is its R.
+    """Return the best vector (V,) that `search` found, and a report whose residual is the R of this vector.
 
-    `seconds` is only a guard: a search that it ends has the status GUARD, and at least one evaluation is made whatever
-    it is. Ctrl-C ends the search as INTERRUPTED with the best so far, or is raised again where there is none.
+    `seconds` is a time limit. A search that reaches it has the status GUARD; at least one evaluation is always made.
+    Ctrl-C ends the search with the status INTERRUPTED and the best vector so far, or is re-raised if there is none.
     """
     if not seconds > 0:
         raise BadInput(where="budget", found=f"{seconds} seconds", expected="more than 0")

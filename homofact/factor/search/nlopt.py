@@ -1,7 +1,7 @@
 """Any of nlopt's algorithms, by name, on the vector of all searched projections.
 
-Gradient-based ones (LD_, GD_) are given the variable-projection gradient. Each quaternion number is
-bounded to [−1.5, 1.5]; the start is unit and the length does not matter, so the box cuts nothing off.
+Gradient-based ones (LD_, GD_) are given the variable-projection gradient. Each component of a quaternion is bounded to
+[−1.5, 1.5]. The start vectors have unit length, and the length does not matter, so the bounds exclude no rotation.
 """
 
 from dataclasses import dataclass, replace
@@ -21,7 +21,7 @@ _NEEDS_LOCAL = ("MLSL", "AUGLAG")
 @dataclass(frozen=True)
 class Nlopt:
     """`algorithm` is nlopt's name with or without its LN_/LD_/GN_/GD_ (PRAXIS, SBPLX, BOBYQA, COBYLA, LD_LBFGS,
-    LD_SLSQP, MLSL …). Ends at a relative gain of `tolerance` or after `evaluations`.
+    LD_SLSQP, MLSL …). The search ends at a relative gain below `tolerance` or after `evaluations` evaluations.
     """
 
     algorithm: str
@@ -36,12 +36,12 @@ class Nlopt:
 
     @property
     def full_name(self) -> str:
-        """The algorithm as nlopt spells it."""
+        """The full nlopt name of the algorithm."""
         return in_full(self.algorithm)
 
     @property
     def independent(self) -> bool:
-        """Whether several may run side by side; nlopt has one generator for all."""
+        """Whether several searches may run in parallel; nlopt shares one random generator between all searches."""
         return False
 
     @property
@@ -50,11 +50,12 @@ class Nlopt:
         return f"nlopt-{self.algorithm}"
 
     def limited(self, steps: int) -> "Nlopt":
-        """Return the same with at most as many evaluations as `steps` gradient iterations or 8 direct sweeps cost."""
+        """Return the same search, limited to the evaluations that `steps` gradient iterations or 8 direct sweeps
+        cost."""
         return replace(self, evaluations=steps if "D_" in self.full_name[:3] else 8 * steps)
 
     def descend(self, measured: MeasuredObjective, start: Tensor, seed: int) -> SearchEnding:
-        """See `minimize.Search`."""
+        """See `minimize.Minimizer`."""
         nlopt.srand(seed)
         ended: BaseException | None = None
 

@@ -1,7 +1,7 @@
-"""Powell's method behind the protocol of all searches: one projection at a time, round and round.
+"""Powell's method as a search: it optimises one projection at a time, in rounds.
 
-A direct search cannot well move all projections at once: each has six dimensions, or three in R³. So each is
-minimised in its turn with the others still, until a round no longer helps.
+A direct search is inefficient for all projections at once, since each has six dimensions, or three in R³. So each
+projection is optimised in turn while the others are fixed, until a round no longer lowers the error.
 """
 
 from collections.abc import Callable
@@ -24,7 +24,7 @@ class OneAtATime:
 
     @property
     def independent(self) -> bool:
-        """Whether several may run side by side."""
+        """Whether several searches may run in parallel."""
         return True
 
     @property
@@ -33,11 +33,11 @@ class OneAtATime:
         return "powell"
 
     def limited(self, steps: int) -> "OneAtATime":
-        """Return the same with fewer sweeps: one for every four gradient iterations."""
+        """Return the same search with fewer sweeps: one for every four gradient iterations."""
         return replace(self, rounds=1, powell=replace(self.powell, sweeps=max(1, steps // 4)))
 
     def descend(self, measured: MeasuredObjective, start: Tensor, seed: int) -> SearchEnding:
-        """See `minimize.Search`."""
+        """See `minimize.Minimizer`."""
         vector = start.clone()
         before = measured.value(vector)
         for number in range(1, self.rounds + 1):

@@ -1,12 +1,12 @@
-"""Powell's direction set method on unit quaternions, as the thesis has it for pairs of them (3.1.1).
+"""Powell's direction set method on unit quaternions, as the thesis uses it for pairs of quaternions (3.1.1).
 
 A point is a rotation R (of R⁴, or of R³), a direction a rotation D, and the line through R along D is t ↦ D^t R.
-Directions are scaled to one radian a unit of t: D^t turns by t along the unit logarithm. The error is
-that of the projection, and −P has the error of P (the texture turned by half a circle), so a basis
-direction repeats after π; a general line need not, and is bounded at the thesis's 4π.
+Directions are scaled to one radian per unit of t: D^t rotates by t along the unit logarithm. The objective is the error
+of the projection. −P has the same error as P (its texture is rotated by 180°), so the error along a basis direction has
+the period π. Along a general line it need not be periodic, and the search is limited to 4π, as in the thesis.
 
-After a sweep through the directions the whole move R_f R_s⁻¹ is tried as a direction; where the error
-falls along it, it replaces the direction used last.
+After a sweep through the directions, the total move R_f R_s⁻¹ is tried as a new direction. If the error falls along it,
+it replaces the last direction.
 """
 
 import time
@@ -24,7 +24,8 @@ PERIOD = 4 * torch.pi
 
 @dataclass(frozen=True)
 class Powell:
-    """Settings: first step and tolerance of the line search (radians), relative gain that ends, most sweeps."""
+    """Settings: first step and tolerance of the line search (radians), relative gain for stopping, maximum of
+    sweeps."""
 
     step: float = 0.3
     line_tolerance: float = 0.1
@@ -36,8 +37,9 @@ class Powell:
     ) -> tuple[Rotation, Report]:
         """Return the best rotation found from `start`, and the report (residual: its error).
 
-        Status CONVERGED when a sweep gained less than `tolerance` of the error, BUDGET when the sweeps ran out.
-        `seed` is only passed on to the report. The first directions are the thesis's six, or three in R³.
+        The status is CONVERGED if a sweep lowered the error by less than the share `tolerance`, and BUDGET if the
+        maximum of sweeps was reached. `seed` is only passed on to the report. The first directions are the thesis's
+        six, or three in R³.
         """
         began = time.perf_counter()
         evaluations = 0

@@ -3,10 +3,10 @@
     write_page(Path("bunny.html"), [PageObject("bunny", mesh, transport, "blue paint")], [page_sky("grace", light, 64)],
                numbers={"Bunny": {"vertices": 35947}}, camera=Camera((0.0, 0.6, 3.2)))
 
-WaveletTransport is kept as it is, number for number: vectors in the order of their places, as differences, which the
-page sorts by magnitude. Positions are rounded to 1/65535 of their box, surface frames to about 1/30000, skies, the
-reference and the tables of separate lobes to half floats. Nothing else is rounded. Arrays that several objects have, as
-tables of one material and textures of one file, are written once.
+The page contains the WaveletTransport exactly. Each vector is sorted by index, with indices stored as differences; the
+page sorts its coefficients by magnitude. Positions are rounded to 1/65535 of their box, surface frames to about
+1/30000, skies, the reference and the tables of separate lobes to half floats. Nothing else is rounded. Arrays that
+several objects have, as tables of one material and textures of one file, are written once.
 
 The page is `page.html` with what all pages of scenes have (`web.scene_page`) and the scripts of `SHARED` and `SCRIPTS`.
 """
@@ -61,8 +61,8 @@ CAMERA = Camera((0.0, 0.5, 3.4), field=36.0)
 class PageObject:
     """A mesh with the transport at its vertices, and the separate `lobe` of its material where it has one.
 
-    From distances `fade` (near, far) of the y axis on it ends softly. `tint` is what a texture makes of its material,
-    `bumps` its normal map, and `tilted` what tilted normals make of the terms.
+    It fades out between the distances `fade` (near, far) from the y axis. `tint` is the effect of a texture on its
+    material, `bumps` its normal map, and `tilted` the effect of tilted normals on the terms.
     """
 
     name: str
@@ -78,7 +78,7 @@ class PageObject:
 
     @property
     def basis(self) -> WaveletTransport:
-        """The sparse vectors that light is multiplied with."""
+        """Return the sparse vectors that are multiplied with the light."""
         return self.transport.basis if isinstance(self.transport, Clustered) else self.transport
 
 
@@ -87,7 +87,7 @@ class PageReference:
     """The reference of the page's error: `colours`, radiance (V, 3) of each object's vertices towards the camera.
 
     Vertices without a value are NaN and left out, as are those that face away. The reference was computed under the sky
-    of index `sky` without rotation; `words` describe the method.
+    of index `sky` without rotation; `words` describe how it was computed.
     """
 
     colours: Sequence[np.ndarray]
@@ -126,10 +126,10 @@ def write_page(
     camera: Camera = CAMERA,
     new: bool = False,
 ) -> int:
-    """Write the page, whole or not at all; its bytes. `new` says that nothing there may be replaced.
+    """Write the page atomically and return its size in bytes; `new` forbids replacing a file.
 
-    `numbers` are shown as a table a section. Raises BadInput for no objects or skies, objects on cube maps of different
-    sizes, transport of another mesh, a reference of another shape, and a place that cannot be written.
+    The page shows `numbers` as one table per section. Raises BadInput for no objects or skies, objects on cube maps of
+    different sizes, transport of another mesh, a reference of another shape, and a place that cannot be written.
     """
     _check(objects, skies)
     if reference is not None:
@@ -294,7 +294,7 @@ def _triangles(triangles: np.ndarray) -> dict[str, str]:
 
 
 def closed(triangles: np.ndarray) -> bool:
-    """Whether fewer than 1% of the edges have a triangle on one side only: the back of such a surface is not seen."""
+    """Return whether a surface is closed, so that its back is invisible: under 1% of edges have one triangle."""
     edges = np.sort(np.concatenate([triangles[:, pair] for pair in ([0, 1], [1, 2], [2, 0])]), 1)
     _, count = np.unique(edges, axis=0, return_counts=True)
     return bool((count == 1).mean() < 0.01)

@@ -1,9 +1,9 @@
-"""Fewer triangles for a picture that moves: vertices are drawn into a neighbour, the least missed first.
+"""Fewer triangles for moving pictures: vertices collapse into a neighbour, the cheapest edges first.
 
-Half-edge collapse (Hoppe 1996 has the family of it): vertices keep their places and their light, so nothing but a list
-of triangles is added to the page. Round by round every edge is weighed by its squared length and by how far the
-normals of its ends part; the lightest collapse first, each vertex and its ring at most once a round, and none that
-would turn a triangle over, pinch the surface or move its border.
+This is half-edge collapse (see Hoppe 1996): vertices keep their places and their light, so only a list of triangles is
+added to the page. In each round every edge gets a cost from its squared length and from the angle between the normals
+of its ends. The cheapest edges collapse first, and each vertex and its ring takes part at most once per round. No edge
+collapses that would flip a triangle, pinch the surface or move its border.
 """
 
 import numpy as np

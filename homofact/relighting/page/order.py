@@ -1,9 +1,9 @@
 """The order of a mesh's triangles that lets a graphics card shade few vertices twice.
 
-A card keeps the last vertices that it has processed. Sander, Nehab and Barczak (2007) walk over the mesh fan by fan:
-all triangles left around a vertex, then on to the neighbour that is still kept and has the most of its triangles left
-to draw; where there is none, back to the last one that has any. A scanned mesh in the order of its file asks for two
-vertices a triangle, in this order for about 0.7.
+A card keeps the last vertices that it has processed. Sander, Nehab and Barczak (2007) walk over the mesh fan by fan.
+They draw all remaining triangles around a vertex, and go on to the neighbour that is still in the cache and has the
+most remaining triangles. If there is none, they return to the last vertex with remaining triangles. A scanned mesh
+needs two shaded vertices per triangle in the order of its file, and about 0.7 in this order.
 """
 
 import numpy as np
@@ -14,7 +14,7 @@ CACHE = 16
 
 
 def cached_order(triangles: np.ndarray) -> np.ndarray:
-    """The triangles (T, 3), all of them, in that order; each as it was."""
+    """Return all triangles (T, 3) in that order, each unchanged."""
     flat = np.ascontiguousarray(triangles, np.int64).reshape(-1)
     if not len(flat):
         return triangles

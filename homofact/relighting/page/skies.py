@@ -1,4 +1,4 @@
-"""The light of the page: an exact cube map for the sky as it is, and a smaller lat-long picture for all turns of it."""
+"""The light of the page: an exact cube map of the unrotated sky, and a smaller lat-long picture to rotate."""
 
 from dataclasses import dataclass
 
@@ -14,9 +14,10 @@ from homofact.web.packing import halves
 class PageSky:
     """A sky that the page can be lit by.
 
-    `cube` (6, n, n, 3) is its radiance as it stands, what the numbers are measured under; `picture` (rows, columns, 3)
-    lat-long as in `rendering.light`, is what the page turns and shows behind the object. Both float32, and numbers that
-    half floats times one scale hold exactly (`halves`), so that what is measured here is what the page has.
+    `cube` (6, n, n, 3) is the radiance of the unrotated sky, under which the errors are measured. `picture` (rows,
+    columns, 3) is lat-long as in `rendering.light`; the page rotates it and shows it behind the object. Both are
+    float32 with values that half floats times one scale represent exactly (`halves`), so the measured light is that of
+    the page.
     """
 
     name: str
@@ -24,7 +25,7 @@ class PageSky:
     picture: np.ndarray
 
     def environment(self, turn: float = 0.0) -> EnvironmentMap:
-        """The picture as a light, turned by so many radians: what the page makes its cube map of once it is turned."""
+        """Return the picture as a light rotated by `turn` radians; the page makes its rotated cube map from it."""
         return EnvironmentMap(torch.from_numpy(self.picture.astype(np.float64)), turn, self.name)
 
 
@@ -41,7 +42,7 @@ def page_sky(name: str, light: EnvironmentMap, size: int) -> PageSky:
 
 
 def reduced(picture: np.ndarray, rows: int) -> np.ndarray:
-    """Means (R, C, 3) over blocks of texels, weighted by their solid angles, as coarse as leaves at least `rows`."""
+    """Average blocks of texels by solid angle, in the largest blocks that leave `rows` or more rows."""
     height, width, _ = picture.shape
     factor = max(height // rows, 1)
     while height % factor or width % factor:
@@ -53,6 +54,6 @@ def reduced(picture: np.ndarray, rows: int) -> np.ndarray:
 
 
 def rounded(values: np.ndarray) -> np.ndarray:
-    """The values (float32) that `halves` holds."""
+    """Return the values (float32) after rounding by `halves`."""
     stored, scale = halves(values)
     return stored.astype(np.float32) * np.float32(scale)

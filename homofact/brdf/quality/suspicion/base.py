@@ -1,4 +1,4 @@
-"""The base of a material: what it reflects away from the highlight, at θh above 25°."""
+"""Properties of the base of a material: its reflection away from the highlight, at θh above 25°."""
 
 import math
 from functools import lru_cache
@@ -14,7 +14,7 @@ _FEWEST = 30
 
 @lru_cache(maxsize=4)
 def base_of(evidence: Evidence) -> tuple[float, float] | None:
-    """(exponent of cosθi cosθo in the base, π times its median, the albedo of a Lambertian one); None for too few."""
+    """Return (exponent of cosθi cosθo in the base, π × its median as an albedo); None for too few samples."""
     theta_h, _ = evidence.half_angles
     cos_i, cos_o = evidence.cosines
     base = (theta_h > _BASE) & (np.minimum(cos_i, cos_o) > _LEAST_COSINE)

@@ -1,7 +1,8 @@
-"""How figures become odds: for every check, weights and an offset of the log odds.
+"""Convert the figures of a check to odds: weights and an offset of the log odds for every check.
 
-Set by hand between the figures of clean samples and those of planted faults (`scripts/verdict/planting.py`), nearer to
-the faults. What comes out are degrees of suspicion in the form of odds, not odds that were counted.
+They are set by hand, so that the odds change between the figures of clean samples and those of samples with simulated
+faults (`scripts/verdict/planting.py`), nearer to the latter. The odds express a degree of suspicion; they are not
+measured frequencies.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""One check: what is suspected, how it is measured in the samples, and what undoes it."""
+"""One check: a possible fault, how it is measured in the samples, and how to undo it."""
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
@@ -16,7 +16,7 @@ Figures = tuple[float, ...]
 
 @dataclass(frozen=True)
 class Suspicion:
-    """What is suspected of samples: `odds` to 1 against the samples as they stand, in words, and what to do."""
+    """A suspected fault of samples: its `odds` to 1 against samples without it, a description, and a remedy."""
 
     name: str
     odds: float
@@ -48,7 +48,7 @@ class Check:
     remedy: str = ""
 
     def suspicion(self, evidence: Evidence) -> Suspicion | None:
-        """Return what the samples say, with its odds however small; None where they cannot tell."""
+        """Return the suspicion with its odds, however small; None if the samples cannot decide."""
         figures = self.figures(evidence)
         if figures is None or not all(np.isfinite(figures)):
             return None

@@ -1,6 +1,7 @@
-"""Suspicions that somebody has checked and found to be wrong: the samples keep their names, and they stay unsaid.
+"""Dismiss suspicions that the user has checked and found wrong: samples record their names, to not repeat them.
 
-A glossy paint without diffuse light can look as if its values held cosines. Only who measured it knows better.
+For example, the values of a glossy paint without diffuse reflection can look as if they contained cosines. Only the
+person who measured it can know.
 """
 
 from collections.abc import Sequence
@@ -13,7 +14,7 @@ from homofact.errors import BadInput
 
 
 def dismissed(samples: Samples, names: Sequence[str]) -> Samples:
-    """Return the samples with these suspicions dismissed: `suspicions` raises them no more.
+    """Return the samples with these suspicions dismissed; `suspicions` then no longer reports them.
 
     `names` are those of the suspicions, or "all" alone. Raises BadInput for others.
     """

@@ -1,8 +1,8 @@
-"""Values that are not what they should be: quantised, clipped, cut at zero.
+"""Detect values that were quantised, clipped or cut at zero.
 
-Counts of values that occur several times among samples whose places differ: a continuous quantity, measured at
-thousands of places, hardly ever gives the same number twice. Places that are one to an isotropic, reciprocal material
-(the same θ's in either order and |Δφ|) count once.
+The checks count values that occur several times among samples at different directions. A continuous quantity, measured
+at thousands of directions, hardly ever gives the same number twice. Pairs that are equivalent for an isotropic,
+reciprocal material (the same θ's in either order and the same |Δφ|) count once.
 """
 
 import math

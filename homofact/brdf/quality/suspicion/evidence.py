@@ -40,7 +40,7 @@ class SmoothFit:
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """N samples as arrays: directions (N, 3), values (N, C), and where in the file each row stood, from −1 to 1."""
+    """N samples as arrays: directions (N, 3), values (N, C), and `place` (N,) in the file, from −1 to 1."""
 
     wi: np.ndarray
     wo: np.ndarray
@@ -49,7 +49,7 @@ class Evidence:
 
     @classmethod
     def of(cls, samples: Samples, seed: int = 0) -> "Evidence":
-        """At most `MOST_SAMPLES` of the samples, drawn by `seed`, in the order of the file."""
+        """Return at most `MOST_SAMPLES` of the samples, drawn by `seed`, in the order of the file."""
         order = torch.randperm(len(samples), generator=torch.Generator().manual_seed(seed))
         index = order[:MOST_SAMPLES].sort().values
         place = 2 * index.double() / max(len(samples) - 1, 1) - 1
@@ -57,7 +57,7 @@ class Evidence:
         return cls(*(tensor.cpu().numpy() for tensor in chosen))
 
     def samples(self) -> Samples:
-        """The samples again, as isotropic ones, their places (+ 2) as weights: rows that go take their places along."""
+        """Return the evidence as isotropic `Samples`; their weights are `place` + 2, so it follows row selections."""
         wi, wo, values, place = (torch.from_numpy(array) for array in (self.wi, self.wo, self.values, self.place))
         channels = tuple(str(c) for c in range(values.shape[1]))
         return Samples(wi, wo, values, channels=channels, isotropic=True, weights=place + 2)
@@ -89,7 +89,7 @@ class Evidence:
 
     @cached_property
     def logs(self) -> tuple[np.ndarray, np.ndarray]:
-        """(log of the brightness (N,), 0 where there is none; the weight of each)."""
+        """(log of the brightness (N,), the weights (N,)); see the module docstring."""
         return logs_of(self.brightness)
 
     @cached_property
@@ -108,7 +108,7 @@ class Evidence:
     def fitted(
         self, further: np.ndarray | None = None, logs: np.ndarray | None = None, weight: np.ndarray | None = None
     ) -> SmoothFit:
-        """Return the fit of the module's head with `further` columns (N, K); of other `logs` or weights where given."""
+        """Fit the module's smooth model with `further` columns (N, K), and with other `logs` or weights if given."""
         own, dark = self.logs
         columns = self.basis if further is None else np.column_stack([self.basis, further])
         coefficients, residual, scale = robust_fit(
@@ -149,7 +149,7 @@ def robust_fit(
 ) -> tuple[np.ndarray, np.ndarray, float]:
     """Return (coefficients (K,), residuals (N,), their scale) of weighted least squares with Cauchy's weights.
 
-    `ridge` is one for all columns, each in units of its RMS, or one each (K,).
+    `ridge` is one number for all columns, in units of the RMS of each, or one number per column (K,).
     """
     size = np.sqrt((weight[:, None] * columns**2).sum(0) / max(weight.sum(), 1e-300)) + 1e-12
     scaled, now = columns / size, weight

@@ -21,9 +21,9 @@ _FLOOR = 1e-3
 
 
 def gain(evidence: Evidence, other: Evidence) -> Figures:
-    """Return the logs of the error as it stands over that of `other`, of the module's head.
+    """Return the log ratios of the errors of the fits to the data as read and to `other` directions.
 
-    Both fits have terms for a gain over the angle too, so that a cosine too many is no wrong direction.
+    Both fits also have terms for a gain over the angle, so an extra cosine is not mistaken for a wrong direction.
     """
     errors = []
     for one in (evidence, other):
@@ -34,7 +34,7 @@ def gain(evidence: Evidence, other: Evidence) -> Figures:
 
 
 def odd_columns(evidence: Evidence) -> np.ndarray:
-    """Return what breaks reciprocity smoothly (N, 4): functions of θi minus the same of θo."""
+    """Return columns (N, 4) that break reciprocity smoothly: functions of θi minus the same functions of θo."""
     theta_i, theta_o = (np.arccos(np.clip(w[:, 2], 0, 1)) / (math.pi / 2) for w in (evidence.wi, evidence.wo))
     cos_i, cos_o = evidence.cosines
     powers = [theta_i**k - theta_o**k for k in (1, 2, 4)]

@@ -1,8 +1,9 @@
-"""The ring of angles whose gain stands out most from those of its neighbours.
+"""Find the ring of angles whose gain differs most from the gains of its neighbours.
 
 Gains per ring of θi, and then of θo, are columns in the smooth reciprocal fit of log f (`suspicion.evidence`), beside a
-smooth gain over the angle. The step of a ring is its gain less the mean of its neighbours', so that a smooth gain over
-the angle has none. The steps beside the largest are due to the same ring, and are not asked for the usual one.
+smooth gain over the angle. The step of a ring is its log gain minus the mean of its two neighbours', so a smooth gain
+over the angle has no steps. The usual step is the median over the other rings. The two rings beside the largest step
+are excluded, since their steps come from the same ring.
 """
 
 import math
@@ -20,7 +21,7 @@ _CERTAIN_STEP = 0.01  # of logs: what a clean material shows between rings
 
 @dataclass(frozen=True)
 class RingStep:
-    """The ring at `degrees` of "theta_i" or "theta_o": its log gain over its neighbours', and the usual step there."""
+    """The ring at `degrees` of "theta_i" or "theta_o": its log gain relative to its neighbours, and the usual step."""
 
     of: str
     degrees: float
@@ -29,14 +30,14 @@ class RingStep:
 
     @property
     def figures(self) -> tuple[float, float, float, float, float]:
-        """The log of the step, its log over the usual step, whether it is one of θo, its degrees, and its log gain."""
+        """(log of the step, log of step over usual step, 1 for a ring of θo else 0, angle in degrees, log gain)."""
         step = abs(self.gain)
         over = math.log(step / (self.usual + _CERTAIN_STEP) + 1e-4)
         return math.log(step + 1e-4), over, float(self.of == "theta_o"), self.degrees, self.gain
 
 
 def largest_step(evidence: Evidence) -> RingStep | None:
-    """Return the ring that stands out most, None where there are too few rings to tell."""
+    """Return the ring with the largest step; None if there are too few rings."""
     found = [_largest_of(evidence, of, w) for of, w in (("theta_i", evidence.wi), ("theta_o", evidence.wo))]
     return max((step for step in found if step is not None), key=lambda step: step.figures[:2], default=None)
 
@@ -44,8 +45,8 @@ def largest_step(evidence: Evidence) -> RingStep | None:
 def ring_numbers_of(theta: np.ndarray) -> tuple[np.ndarray, int]:
     """Return the ring of each angle (N,) in radians and how many rings there are.
 
-    Rings are the angles on which many samples lie; samples elsewhere have −1. Where most samples are on no such ring
-    there are `BINS` bins with as many samples each.
+    Rings are angles at which many samples lie; samples elsewhere have −1. If most samples lie on no ring, the function
+    uses `BINS` bins with equal numbers of samples instead.
     """
     _, inverse, counts = np.unique(np.round(theta, 3), return_inverse=True, return_counts=True)
     full = counts >= _FEWEST_ON_A_RING

@@ -1,8 +1,8 @@
 """Detect the shadow of an arm: values near the light that are darker than those around it.
 
-A value that was rounded or cut at zero bounds the light: it is at most a step above the value. Only what the step does
-not explain counts as a fall. Zeros around the light count too: without them the samples around it look brighter than
-those near it, in a material whose dark values are cut at zero.
+If values were rounded or cut at zero, the true value is at most one step above the recorded one. Only a drop that the
+step does not explain counts as a shadow. Zeros around the light are used too. Without them, if dark values were cut at
+zero, the samples around the light would look brighter than those near it.
 """
 
 import math
@@ -24,10 +24,11 @@ _RIDGE = 1e-4
 
 
 def shadow(evidence: Evidence) -> Figures | None:
-    """Return how much darker it is near the light than around it: in logs, and in errors of the fit.
+    """Return how much darker samples near the light are than those around it, in logs and in errors of the fit.
 
-    The milder of two predictions counts. The smooth fit to all samples outside the cone extrapolates into it, on coarse
-    rings by a factor of ten or more. The samples around the cone alone, as a function of θh, do not follow θd.
+    Two predictions of the values near the light are compared, and the smaller drop is returned. The smooth fit to all
+    samples outside a cone around the light must extrapolate into the cone; on coarse rings it can err by a factor of
+    ten or more. A fit to the samples just around the cone depends only on θh and ignores θd.
 
     Parameters
     ----------

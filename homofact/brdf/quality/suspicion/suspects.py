@@ -1,8 +1,9 @@
-"""What is suspected of samples: every check in turn, and what is beyond doubt undone before the next is asked.
+"""Run all checks on samples; certain faults are undone before the next checks.
 
-A wrong direction or a cosine too many looks like many faults at once: as long as it is in, rings are off, the lamp
-drifts and nothing is reciprocal. So directions come first, then channels, then what is in the values, each with the
-likeliest suspicion undone, and the instrument last, on what is left.
+A wrong direction or an extra cosine looks like many faults at once: rings seem off, the lamp seems to drift, and
+nothing is reciprocal. So the order of the checks matters. Encodings and channels are checked first, on the samples as
+read. Then come directions, and then cosines and π in the values; the likeliest suspicion of each is undone. The
+instrument is checked last, on the corrected samples.
 """
 
 from collections.abc import Collection, Iterable, Sequence
@@ -63,7 +64,7 @@ def suspicions(samples: Samples, seed: int = 0) -> list[Suspicion]:
 
 
 def undone_evidence(evidence: Evidence, name: str) -> Evidence:
-    """Return the evidence without what `name` of `undo.UNDO` says; as it is where nothing is so called."""
+    """Return the evidence with the fault `name` of `undo.UNDO` undone; unchanged if there is no such name."""
     if name not in UNDO:
         return evidence
     samples = UNDO[name].apply(evidence.samples())

@@ -1,7 +1,7 @@
-"""What can be undone in samples: a convention or a unit that a file did not keep to, by name.
+"""Undo wrong conventions and units in samples, by name.
 
-`homofact convert` writes the samples as they would be without it. Each is a pure function of the
-samples. Dividing by a cosine leaves out the directions within 0.6° of the horizon, where nothing is left to divide.
+`homofact convert` writes the corrected samples. Each correction is a pure function of the samples. Corrections that
+divide by a cosine drop samples within 0.6° of the horizon, where the quotient is unreliable.
 """
 
 import math
@@ -20,7 +20,7 @@ LEAST_COSINE = 0.01
 
 @dataclass(frozen=True)
 class Undo:
-    """`words` say what is in the data, `apply` takes it out of samples."""
+    """One correction: `words` describe the fault, and `apply` removes it from samples."""
 
     name: str
     words: str
@@ -58,7 +58,7 @@ def _check(name: str) -> None:
 
 
 def srgb_decoded(values: Tensor) -> Tensor:
-    """Return linear values of sRGB-encoded ones (IEC 61966-2-1), the curve carried on above 1."""
+    """Decode sRGB values (IEC 61966-2-1) to linear ones; the curve is extrapolated above 1."""
     return torch.where(values <= 0.04045, values / 12.92, ((values.clamp_min(0.04045) + 0.055) / 1.055) ** 2.4)
 
 
