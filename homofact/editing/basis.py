@@ -89,7 +89,7 @@ def trial_edits(curves: Sequence[Tensor]) -> list[list[Tensor]]:
 
 
 def basis_of(blocks: np.ndarray, channels: np.ndarray, curves: Sequence[Tensor], tolerance: float = TOLERANCE) -> Basis:
-    """Return the basis of rows (S, J·K), the bands of some pixels in one channel (S,) each, at the start curves."""
+    """Return the basis of rows (S, J·K): bands of some pixels, each in one channel (S,), at the start curves."""
     scale = scale_of(curves)
     rows = blocks * scale[channels].astype(np.float32)
     start = _starts(product_of(curves) / scale)

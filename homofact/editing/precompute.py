@@ -59,7 +59,8 @@ def prepare(
     `threads` defaults to the threads of numba; results are bit-identical for any number. `progress` is called with the
     share of finished pixels. `divided` is the number of times that a triangle is divided to evaluate a quotient at more
     points than its centre. Default: the number that `quotient` finds sufficient. `tolerance` is the allowed error of
-    the low rank. Raises BadInput for another form, and for a full form of more than 1 GiB.
+    the low rank. `tolerance` is the allowed error of the low rank. Raises BadInput for another form, and for a full
+    form of more than 1 GiB.
     """
     if form not in FORMS:
         raise BadInput(where="form", found=repr(form), expected=f"one of {', '.join(FORMS)}")

@@ -78,7 +78,7 @@ Light = DirectLight | BouncedLight
 
 
 def visible_lights(pixels: VisiblePixels, lights: TriangleLights, meshes: MeshGroup) -> tuple[np.ndarray, np.ndarray]:
-    """Return (begins (P + 1,), numbers (S,)) of the lights that each pixel sees, tested by rays to their centres."""
+    """Return (begins (P + 1,), numbers (S,)) of each pixel's visible lights, tested by rays to their centres."""
     normals = pixels.frames[:, 2]
     above = normals @ lights.centres.T > 0
     pixel, light = np.nonzero(above)

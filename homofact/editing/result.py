@@ -50,7 +50,8 @@ class EditResult:
         The JSON form, as in the folder's edit.json.
     parts : tuple of PartError
         The low rank's error of every term in every view; none where the scene was read from its folder.
-    fits : tuple of FileFit The fits that replace files of measurements.
+    fits : tuple of FileFit
+        The fits that replace files of measurements.
     """
 
     file: EditSceneFile

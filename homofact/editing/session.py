@@ -215,7 +215,7 @@ class Stroke:
             part.set_curve(self.curve.values)
 
     def update(self, terms: int = TERMS) -> int:
-        """Add `terms` wavelets to every part; return the most that were lacking, 0 when the picture is settled."""
+        """Add up to `terms` wavelets to every part; return the most that were added to one, 0 when settled."""
         return max((part.update(terms) for part in self.parts.values()), default=0)
 
     def picture(self, view: int) -> Tensor:

@@ -110,7 +110,7 @@ def alike(
 def band_shares(
     t: np.ndarray, k: int, edges: np.ndarray, looked: np.ndarray, part: float, shares: np.ndarray
 ) -> tuple[int, int]:  # pragma: no cover (compiled)
-    """Add `part` times the share of each band of row k to the start of `shares`; return (first, last) band."""
+    """Write `part` times the share of each band of row k to `shares`, from 0 on; return (first, last) band."""
     first, last = band_at(t[k, 0], edges, looked), band_at(t[k, 2], edges, looked)
     a, b, c, rise, fall = t[k, 0], t[k, 1], t[k, 2], part * t[k, 3], part * t[k, 4]
     below, i = 0.0, first

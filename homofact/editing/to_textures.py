@@ -299,7 +299,7 @@ def _judged(before: Factorization, edit: Edit, after: Factorization, way: str) -
 
 
 def relative_rms(before: Factorization, edit: Edit, after: Reflectance) -> tuple[float, float, float]:
-    """Return (relative RMS of `after` against r f, RMS by ε alone, share of pairs cut at zero), cosine-weighted."""
+    """Return (relative RMS of `after` against r f, RMS by ε alone, share of cut pairs), cosine-weighted."""
     wi, wo = draw_cosine_weighted(HELD_OUT, torch.Generator().manual_seed(SEED + 2))
     ratio = torch.exp(edit.log_of_pairs(wi, wo))
     wanted, found = ratio * before.evaluate(wi, wo), after.evaluate(wi, wo)

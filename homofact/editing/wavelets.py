@@ -95,7 +95,7 @@ class Incremental:
         return bool(torch.equal(self.perfect, self.effective))
 
     def update(self, terms: int = TERMS) -> int:
-        """Add the `terms` largest missing coefficients, as one frame; return how many were missing.
+        """Add up to `terms` largest missing coefficients, as one frame; return how many were added.
 
         A coefficient counts once for all channels, by the largest of them.
         """

@@ -40,8 +40,7 @@ class SpectralBasis:
         return 4 * (self.vectors.size + self.offset.size)
 
     def first(self, rank: int, mean: np.ndarray) -> "SpectralBasis":
-        """Return the basis of the first `rank` vectors; the offset gets the contribution of the others at `mean`
-        (W,)."""
+        """Return the basis of the first `rank` vectors; adds the others at `mean` (W,) to the offset."""
         vectors, dual = self.vectors[:rank], self.dual[:, :rank]
         return SpectralBasis(vectors, mean - mean @ dual @ vectors, dual)
 

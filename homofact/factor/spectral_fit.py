@@ -151,8 +151,7 @@ class SpectralFit:
 
     @property
     def evaluation(self) -> Evaluation:
-        """Return the evaluation of the product of all bands (`expanded`), whose textures have W channels instead of
-        R."""
+        """Return the evaluation of the product of all bands (`expanded`), with W channels per texture instead of R."""
         return self.expanded.evaluation
 
     @cached_property

@@ -1,1 +1,1 @@
-"""Bilinear stencils, masks, smoothing and the linear systems; nothing here knows about light."""
+"""Bilinear stencils, masks, smoothing and linear systems, independent of BRDFs."""

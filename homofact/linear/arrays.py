@@ -1,4 +1,4 @@
-"""Arrays out of what a solver hands over: tensors become NumPy arrays once, here."""
+"""Convert the tensors of a solver to NumPy arrays."""
 
 from typing import Any, TypeAlias
 
@@ -9,14 +9,14 @@ Held: TypeAlias = Any
 
 
 def as_array(values: Any, kind: Any = None) -> np.ndarray:
-    """Return a tensor of any device, an array or numbers as an array (of the type `kind`), shared where it can be."""
+    """Return tensors, arrays or numbers as a NumPy array of type `kind`, which shares memory if possible."""
     if hasattr(values, "detach"):
         values = values.detach().cpu().numpy()
     return np.asarray(values, dtype=kind)
 
 
 def as_arrays(record: Any, *names: str) -> None:
-    """Make the fields `names` of a frozen record arrays; None stays None. For its `__post_init__`."""
+    """Convert the fields `names` of a frozen dataclass to arrays in its `__post_init__`; None stays None."""
     for name in names:
         value = getattr(record, name)
         if value is not None:

@@ -1,8 +1,9 @@
-"""Cholesky factors of each texture's own block of a large system, within a band: a stand-in for the factor of all.
+"""Banded Cholesky factors of the diagonal block of each texture, as a preconditioner of a large system.
 
-Numbered row by row, a texel and its neighbours are at most two rows apart, so that what bilinear lookups and smoothing
-make of one texture is a band as wide as twice its columns. What little lies outside (where a row number goes round, or
-along a pole) is left out, and its size added to the diagonal, which keeps the block positive definite.
+Texels are numbered row by row, and coupled texels are at most two rows apart. So bilinear lookups and smoothing give
+each texture a band matrix whose bandwidth is twice its number of columns. The few entries outside the band (at a
+periodic axis or a pole) are dropped, and their absolute values are added to the diagonal, which keeps the block
+positive definite.
 """
 
 from collections.abc import Sequence
@@ -20,7 +21,7 @@ _SHIFTS = (0.0, 1e-12, 1e-9, 1e-6)
 
 
 class BlockBanded:
-    """R, upper triangular, with RᵀR the blocks of a sparse symmetric matrix (K, K); arrays are (K, C)."""
+    """The upper triangular R such that RᵀR are the diagonal blocks of a sparse symmetric matrix (K, K)."""
 
     def __init__(self, matrix: scipy.sparse.csr_matrix, edges: Sequence[int]) -> None:
         """`edges` are the block's first rows, and K. Raises SolverFailure where a block is not positive definite."""

@@ -1,4 +1,4 @@
-"""Bilinear stencils: which texels a point of the texture square reads, with which weights (thesis 3.2.7).
+"""Bilinear stencils: the texels and weights of a lookup at a point of the texture square (thesis 3.2.7).
 
 Coordinate −1 is the centre of the first texel and +1 the centre of the last, clamped; a GPU sampler
 therefore reads at (x + ½)/M with x = (u + 1)(M − 1)/2 in 0 … M − 1. On a periodic axis (`linear.layout`)
@@ -17,8 +17,8 @@ def stencil(uv: Tensor, shape: Shape, fractions: int = 0, axes: Axes = CLAMPED) 
 
     `shape` is (rows, columns), `axes` their kinds. The last cell's right and upper neighbours are the texels
     themselves, or the first ones on a periodic axis, so an index never leaves the texture. `fractions` above 0 rounds
-    the place within a cell to that many steps, as a GPU's sampler does (256 of them is what Vulkan and Direct3D ask
-    for at least: 8 bits).
+    the position within a cell to that many steps, as a GPU's sampler does. Vulkan and Direct3D require at least 256
+    steps (8 bits).
     """
     rows, columns = shape
     column, right, u = _cell(uv[:, 0], columns, axes[1])

@@ -1,4 +1,4 @@
-"""How trustworthy a positive definite system is: its condition number, and how many unknowns the data hold."""
+"""Diagnose a positive definite system: its condition number, and the share of unknowns that the data determine."""
 
 import numpy as np
 import scipy.linalg
@@ -6,9 +6,10 @@ from torch import Tensor
 
 
 def condition_estimate(matrix: Tensor) -> float:
-    """The 1-norm condition number of a symmetric positive definite matrix (K, K), as LAPACK's pocon estimates it.
+    """Estimate the 1-norm condition number of a symmetric positive definite matrix (K, K) with LAPACK's pocon.
 
-    From its Cholesky factor, at the price of one; infinite where it is not positive definite to working precision.
+    This costs one Cholesky factorization. The result is infinite if the matrix is not positive definite to working
+    precision.
     """
     array = np.asarray(matrix.cpu().numpy())
     factorize, estimate = scipy.linalg.get_lapack_funcs(("potrf", "pocon"), (array,))
@@ -20,16 +21,17 @@ def condition_estimate(matrix: Tensor) -> float:
 
 
 def condition_of_factor(lower: np.ndarray, norm: float) -> float:
-    """As `condition_estimate`, from the matrix's 1-norm and its Cholesky factor in a row-major lower triangle."""
+    """Estimate the condition number from a matrix's 1-norm and its Cholesky factor, in a row-major lower triangle."""
     (estimate,) = scipy.linalg.get_lapack_funcs(("pocon",), (lower,))
     reciprocal, _ = estimate(lower.T, norm, uplo="U")
     return 1 / float(reciprocal) if reciprocal > 0 else float("inf")
 
 
 def determined_share(data: Tensor, weight: float) -> float:
-    """Return share of unknowns that samples hold, and not smoothing alone.
+    """Return the share of unknowns that samples determine, not smoothing alone.
 
-    From the diagonal (K,) of BᵀWB: an unknown counts where it has at least what one sample of this weight gives each
-    of the four texels round it when it falls in their middle, weight/16 twice over.
+    `data` is the diagonal (K,) of BᵀWB, and `weight` is the mean weight of a sample. A sample in the middle of four
+    texels adds weight/16 to the diagonal entry of each. An unknown counts if its entry is at least twice that,
+    weight/8.
     """
     return float((data >= weight / 8).double().mean())

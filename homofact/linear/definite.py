@@ -1,9 +1,9 @@
-"""Positive definite systems on the CPU: LAPACK's Cholesky called so that threads can work side by side.
+"""Solve positive definite systems on the CPU, with LAPACK calls that can run in parallel threads.
 
 A search solves thousands of systems of a few hundred unknowns, several of them at a time (`linear.threads`). scipy's
 own wrappers hold the interpreter's lock while LAPACK works, so the same routines are called through their C pointers.
-Matrices are made in one compiled pass, in the order of a row-major lower triangle: for LAPACK, which counts columns
-first, an upper one.
+Matrices are built in one compiled pass as row-major lower triangles. For LAPACK, which is column-major, these are upper
+triangles.
 """
 
 import ctypes
@@ -24,9 +24,9 @@ _POTRS = ctypes.CFUNCTYPE(None, ctypes.c_char_p, _INT, _INT, ctypes.c_void_p, _I
 
 
 def solve_lower(matrix: np.ndarray, rhs: np.ndarray) -> np.ndarray | None:
-    """x (T, C) of a system whose lower triangle is in `matrix` (T, T), which is destroyed; None if not definite.
+    """Solve the system with lower triangle `matrix` (T, T) for x (T, C); return None if it is not definite.
 
-    Both are C-contiguous float64.
+    `matrix` and `rhs` must be C-contiguous float64. `matrix` is overwritten.
     """
     size, count, info = ctypes.c_int(matrix.shape[0]), ctypes.c_int(rhs.shape[1]), ctypes.c_int()
     _POTRF(b"U", size, matrix.ctypes.data, size, info)
@@ -39,10 +39,10 @@ def solve_lower(matrix: np.ndarray, rhs: np.ndarray) -> np.ndarray | None:
 
 @kernel(nogil=True)
 def penalised_lower(whole, part, sign, first, columns, values, scale, ridge):  # pragma: no cover (compiled)
-    """The lower triangle (T, T) of `whole` + `sign` `part` + diag(`scale`) G + `ridge` · I, its upper one left unset.
+    """Return `whole` + `sign` `part` + diag(`scale`) G + `ridge` · I (T, T), with only the lower triangle set.
 
-    G is sparse and symmetric, its rows in `first`, `columns`, `values` as of a CSR matrix; `part` may be empty (0, 0).
-    Of `whole` and `part` only the lower triangles are read.
+    G is sparse and symmetric, in CSR format with the arrays `first`, `columns` and `values`. `part` may be empty (0,
+    0). Only the lower triangles of `whole` and `part` are used.
     """
     size = whole.shape[0]
     result = np.empty((size, size))
@@ -63,7 +63,7 @@ def penalised_lower(whole, part, sign, first, columns, values, scale, ridge):  #
 
 @kernel(nogil=True)
 def make_symmetric(matrix, part):  # pragma: no cover (compiled)
-    """Make `matrix` (T, T), in place, the symmetric one whose lower triangle is the sum of its own and that of `part`.
+    """Add the lower triangle of `part` to that of `matrix` (T, T) and mirror the result, in place.
 
     `part` may be empty (0, 0).
     """

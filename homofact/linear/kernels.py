@@ -1,7 +1,7 @@
-"""Kernels compiled by numba and kept on the disk between runs: by `kernel` instead of numba's own decorator.
+"""Compile functions with numba and cache them on disk between runs, with the decorator `kernel`.
 
-Where there is no place to keep them they are compiled in every run, and a kept file that is damaged (a run was killed,
-the disk was full) is made anew; numba alone ends in a traceback then.
+If no cache folder is writable, functions are compiled in every run. A damaged cache file, for example of a killed run
+or a full disk, is rebuilt. numba's own cache fails with a traceback in these cases.
 """
 
 import contextlib
@@ -13,7 +13,7 @@ from numba.core.caching import FunctionCache
 
 
 def kernel(**options: Any) -> Callable[[Callable], Any]:
-    """Return the decorator `numba.njit` with these options and with what it compiles kept on the disk."""
+    """Return the decorator `numba.njit` with these options and a disk cache of the compiled code."""
 
     def compiled(function: Callable) -> Any:
         made = numba.njit(**options)(function)

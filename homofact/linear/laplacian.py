@@ -1,15 +1,15 @@
 """Smoothing rows: the 5-point Laplacian of a texture, inside its mask (McCool 2001; thesis 3.2.5).
 
-At a texel with both neighbours along an axis the row has the second difference of that axis; both axes
-give the 5-point Laplacian, the texture's edge gives the difference along it. A texel that is in no such
-row is tied to the mean of the neighbours it has. On a whole rectangle the null space is
-{1, x, y, xy}: smoothing costs nothing on ramps, so it bends a fit, but never flattens it.
+If a texel has both neighbours along an axis, its row contains the second difference along that axis. With both axes,
+this is the 5-point Laplacian; at the edge of the texture, it is the second difference along the edge. A texel that
+occurs in no such row gets a row for its difference from the mean of its neighbours. On a whole rectangle, the null
+space is {1, x, y, xy}: ramps have no smoothing cost, so smoothing does not flatten them.
 
 A periodic axis has no edge: the last texels precede the first. The null space then contains only periodic functions:
-{1, y} if x is periodic and {1} if both axes are. At a pole (`linear.layout`) the n texels of one place are all
-neighbours of one another. Instead of the second difference along the line, each has the row n y − Σ y of the line. This
-row is zero if the texels are equal, as every function on the surface requires, and its weight grows with the number of
-texels at the place.
+{1, y} if x is periodic and {1} if both axes are. At a pole (`linear.layout`), the n texels of the pole's line represent
+one point, so each is a neighbour of all others. Instead of the second difference along the line, each has the row n y −
+Σ y over the line. This row is zero if the texels are equal, as every function on the surface requires, and its weight
+grows with the number of texels at the place.
 """
 
 import numpy as np

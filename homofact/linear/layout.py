@@ -1,9 +1,10 @@
-"""Which unknowns are whose texels: textures one after another in one vector, each row by row.
+"""The layout of the unknowns: the texels of all textures in one vector, texture after texture, each row by row.
 
-An axis of a texture is of one of three kinds. M texels of a clamped axis stand at −1 + 2k/(M − 1), the first at −1
-and the last at +1, and beyond them the value stays. M texels of a periodic axis stand at −1 + 2k/M, evenly round:
-−1 and +1 are the same place, the first texel's, and the last texel's neighbour is the first. A polar axis is
-clamped, and its first texel is a pole: all texels of the other axis are one place there (an azimuth at angle 0).
+A texture axis has one of three kinds. On a clamped axis, the M texels are at −1 + 2k/(M − 1), the first at −1 and the
+last at +1, and values are constant beyond them. On a periodic axis, the M texels are at −1 + 2k/M. −1 and +1 are the
+same point, at which the first texel lies, and the neighbour of the last texel is the first. A polar axis is clamped,
+and its first texel is a pole, at which all texels of the other axis represent one point (as all azimuths do at angle
+0).
 """
 
 from collections.abc import Sequence
@@ -27,7 +28,7 @@ def texel_centres(count: int, axis: Axis) -> Tensor:
 
 @dataclass(frozen=True)
 class TexelLayout:
-    """The textures of one problem: their shapes (rows, columns), and the kinds of their axes (none given: clamped)."""
+    """The textures of one problem: their shapes (rows, columns) and the kinds of their axes (default: clamped)."""
 
     shapes: tuple[Shape, ...]
     axes: tuple[Axes, ...] = ()
@@ -49,7 +50,7 @@ class TexelLayout:
 
     @property
     def unknowns(self) -> int:
-        """T, the texels of all textures."""
+        """T, the number of texels of all textures."""
         return sum(self.counts)
 
     def split(self, texels: Tensor) -> tuple[Tensor, ...]:
@@ -67,9 +68,9 @@ class TexelLayout:
         return self.spread(torch.arange(len(self.shapes), device=device))
 
     def spread(self, values: Tensor) -> Tensor:
-        """Return one value a texture (J,) as one a texel (T,)."""
+        """Expand one value per texture (J,) to one value per texel (T,)."""
         return torch.cat([value.expand(count) for value, count in zip(values, self.counts, strict=True)])
 
     def whole(self, device: torch.device | str = "cpu") -> tuple[Tensor, ...]:
-        """Masks that keep every texel."""
+        """Return masks that contain every texel."""
         return tuple(torch.ones(shape, dtype=torch.bool, device=device) for shape in self.shapes)

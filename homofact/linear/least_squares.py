@@ -1,4 +1,4 @@
-"""The inner problem as an object: weighted samples, smoothing rows and ridge, in the form that solvers need.
+"""The inner problem in the form that solvers need: weighted samples, smoothing rows and ridge.
 
 Minimise over texels y (T, C)
 
@@ -33,7 +33,7 @@ RELATIVE_RIDGE = 1e-9
 
 @dataclass(frozen=True)
 class Roughness:
-    """Smoothing rows L (T, T) of all textures, sparse, with LᵀL made once for all problems that share them."""
+    """Sparse smoothing rows L (T, T) of all textures; LᵀL is computed once for all problems that share them."""
 
     rows: scipy.sparse.csr_matrix
 
@@ -45,7 +45,7 @@ class Roughness:
 
     @cached_property
     def gram(self) -> scipy.sparse.csr_matrix:
-        """LᵀL (T, T): a dozen entries a row."""
+        """LᵀL (T, T), sparse with about a dozen entries per row."""
         return scipy.sparse.csr_matrix(self.rows.T @ self.rows)
 
     @cached_property
@@ -60,11 +60,10 @@ class Roughness:
 class LeastSquares:
     """One inner problem: coordinates (N, D), lookups, targets (N, C), weights (N,), and its penalties.
 
-    `kept` (T,) marks the unknowns that are solved for; the others are left out and come back as 0.
-    `roughness` holds L, zero outside of `kept`; `smoothing` is λ, one for all or one an unknown (T,), equal within
-    a texture. `gauge` is Z (T, G) of the module's head, zero outside of `kept`; None holds nothing. `sibling` is a
-    problem whose normal equations are taken over as long as it has the same samples. `relative_ridge` is δ over the
-    mean diagonal.
+    `kept` (T,) marks the unknowns to solve for; the others are left out and are 0 in the solution. `roughness` contains
+    L, which is zero outside `kept`. `smoothing` is λ, a single number or one per unknown (T,), equal within a texture.
+    `gauge` is Z (T, G) of the module docstring, zero outside `kept`; None means no gauge term. `sibling` is a problem
+    with the same samples, whose normal equations are reused. `relative_ridge` is δ divided by the mean diagonal.
     """
 
     coordinates: Tensor
@@ -92,7 +91,7 @@ class LeastSquares:
 
     @property
     def diagonal(self) -> Tensor:
-        """The diagonal (T,) of BᵀWB, which a problem too large for `data` has too."""
+        """The diagonal (T,) of BᵀWB, also for problems that are too large for `data`."""
         if is_dense(self.unknowns):
             return self.data.matrix.diagonal()
         squares = design_of(*stencil_rows(self.coordinates, self.lookups), self.unknowns)
@@ -115,7 +114,7 @@ class LeastSquares:
         return self.ridge / self.relative_ridge
 
     def within(self, kept: Tensor, roughness: Roughness, gauge: Tensor | None) -> "LeastSquares":
-        """Return the same samples for other kept unknowns, without another pass over them."""
+        """Return a problem with the same samples and other `kept` unknowns, which reuses the normal equations."""
         return replace(self, kept=kept, roughness=roughness, gauge=gauge, sibling=self)
 
     def _has_samples_of(self, other: "LeastSquares") -> bool:
@@ -130,7 +129,7 @@ class LeastSquares:
         return float((texels * self.penalty_scale * rough).sum()) + self.ridge * float(texels.square().sum())
 
     def normal(self) -> tuple[Tensor, Tensor]:
-        """Return (BᵀWB + λ'LᵀL + δI, BᵀWf) restricted to the kept unknowns: (K, K), (K, C), dense."""
+        """Return the dense (BᵀWB + λ'LᵀL + δI + μZZᵀ, BᵀWf) of the kept unknowns, (K, K) and (K, C)."""
         kept = None if bool(self.kept.all()) else self.kept
         matrix = self.data.matrix.clone() if kept is None else _among(self.data.matrix, kept)
         _add_penalty(matrix, self.roughness, self.penalty_scale, self.ridge, kept)
@@ -156,7 +155,7 @@ class LeastSquares:
         return scipy.sparse.csr_matrix(stacked), targets
 
     def expand(self, solution: Tensor) -> Tensor:
-        """Return (T, C) with the kept unknowns filled in and zeros elsewhere, where the samples are."""
+        """Return texels (T, C) with the kept unknowns, and zeros elsewhere, on the device of the samples."""
         result = torch.zeros(self.unknowns, solution.shape[1], dtype=torch.float64, device=self.kept.device)
         result[self.kept] = solution.to(result.device)
         return result
@@ -179,9 +178,9 @@ def solve_penalised(
     lookups: int,
     without: NormalEquations | None = None,
 ) -> Tensor:
-    """Return texels (T, C) of accumulated samples, all of them or all `without` a part; all texels kept.
+    """Return texels (T, C) of accumulated samples, optionally `without` a part of them; all texels are unknowns.
 
-    Where the matrix is not positive definite to working precision, the answer of minimum norm.
+    If the matrix is not positive definite to working precision, the result is the minimum-norm solution.
     """
     unknowns = data.matrix.shape[0]
     weight = data.weight - (0.0 if without is None else without.weight)
@@ -204,10 +203,10 @@ def solve_penalised(
 
 
 def minimum(problem: LeastSquares) -> tuple[Tensor, float]:
-    """Return (texels (T, C), the penalised sum of squares there) of a problem of which nothing else is asked.
+    """Return (texels (T, C), the penalised sum of squares at the minimum) of a problem, without other results.
 
-    All texels are kept and there is no gauge. On the CPU only a lower triangle is ever made. The value is
-    Σ w f² − yᵀBᵀWf, what is left of the penalised sum at its minimum.
+    All texels are unknowns and there is no gauge. On the CPU, only the lower triangle of the matrix is computed. The
+    value is Σ w f² − yᵀBᵀWf.
     """
     if problem.weights.device.type == "cpu":
         whole, part, rhs, energy = accumulate_lower(
@@ -255,7 +254,7 @@ def minimum_norm(matrix: Tensor, rhs: Tensor) -> Tensor:
 
 
 def design_of(numbers: Tensor, values: Tensor, unknowns: int) -> scipy.sparse.csr_matrix:
-    """Return the sparse rows (N, T) of stencils (N, k), on the CPU; what a row reads twice is one entry."""
+    """Return the sparse rows (N, T) of stencils (N, k), on the CPU; repeated texels of a row are summed."""
     count, width = numbers.shape
     entries = (_array(values).ravel(), _array(numbers).ravel(), np.arange(count + 1) * width)
     made = scipy.sparse.csr_matrix(entries, shape=(count, unknowns))

@@ -1,12 +1,12 @@
 """Masks: which texels the projected domain can reach (thesis 3.2.4).
 
 The domain of a projection (two discs, or a box) is convex and the projection linear, so its image is
-the convex hull of the projected extreme points. A texel counts when its centre lies in the hull or a
-point of the hull's rim reads it (a hull may be thinner than a texel); the neighbours of these count
-too, so that bilinear interpolation at the rim finds all four texels.
+the convex hull of the projected extreme points. A texel belongs to the mask if its centre lies in the hull, or if a
+lookup on the hull's boundary reads it (a hull may be thinner than a texel). Neighbours of these texels also belong to
+the mask, so that bilinear interpolation at the boundary has all four texels.
 
-A periodic axis is laid out flat for the hull, from −1 to +1, and its first texel counts where either end does; what
-grows or is filled beyond one end goes on at the other.
+For the hull, a periodic axis is the interval from −1 to +1. Its first texel belongs to the mask if either end does.
+Growing and filling continue across the ends.
 """
 
 import numpy as np
@@ -20,9 +20,9 @@ _AROUND = np.ones((3, 3))
 
 
 def covered(points: Tensor, shape: Shape, axes: Axes = CLAMPED) -> Tensor:
-    """Mask (rows, columns) of the convex hull of `points` (M, 2) in texture coordinates, and its neighbours.
+    """Return the mask (rows, columns) of the convex hull of `points` (M, 2) in texture coordinates, with neighbours.
 
-    Points on one line have no area; the texels along the segment between the outermost count.
+    If the points lie on one line, the mask contains the texels along the segment between the outermost points.
     """
     from scipy.spatial import ConvexHull, QhullError  # not by commands that read a fit alone
 
@@ -54,7 +54,7 @@ def covered(points: Tensor, shape: Shape, axes: Axes = CLAMPED) -> Tensor:
 
 
 def grown(mask: Tensor, steps: int, axes: Axes = CLAMPED) -> Tensor:
-    """Return the mask (rows, columns) and all texels within `steps` of it, diagonals too; round, and across a pole."""
+    """Return the mask (rows, columns) grown by `steps` texels, also diagonally, across periodic ends and poles."""
     from scipy.ndimage import binary_dilation
 
     array = mask.cpu().numpy()
@@ -69,7 +69,7 @@ def grown(mask: Tensor, steps: int, axes: Axes = CLAMPED) -> Tensor:
 
 
 def filled(texture: Tensor, mask: Tensor, axes: Axes = CLAMPED) -> Tensor:
-    """Return texels outside of the mask take the value of the nearest inside: a safe guess, and harmless to filters."""
+    """Return the texture with each texel outside the mask set to the value of the nearest texel inside."""
     from scipy.ndimage import distance_transform_edt
 
     outside = ~mask.cpu().numpy()

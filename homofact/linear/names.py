@@ -1,4 +1,4 @@
-"""The names of solvers and of a texture's kinds of axes, apart from what they do: checks and help load no torch."""
+"""The names of solvers and of kinds of texture axes, in a module that does not import torch."""
 
 from enum import Enum
 
@@ -8,7 +8,7 @@ SOLVER_NAMES = ("cholesky", "qr", "lsmr", "cg", "qmr")
 
 
 class Axis(Enum):
-    """The kind of one axis of a texture: `layout`."""
+    """The kind of a texture axis (see `layout`)."""
 
     CLAMPED = "clamped"
     PERIODIC = "periodic"

@@ -1,10 +1,10 @@
 """Normal equations of the texels, accumulated in one pass over the samples without forming B.
 
-Row n of B holds the bilinear weights of all lookups of sample n; B is N × T with 4 weights a lookup.
-Minimising Σ wn (fn − (By)n)² needs only BᵀWB (T × T), BᵀWf (T × C) and, for the value at the minimum,
-Σ wn fn² (C): memory T², whatever N. Two paths, tested to agree: a compiled one for the CPU (the samples in a
-fixed number of ranges, each with a private matrix, summed in order: the same bits on any number of threads) and
-one in torch for any device, in chunks.
+Row n of B holds the bilinear weights of all lookups of sample n; B is N × T with 4 weights per lookup. Minimising Σ wn
+(fn − (By)n)² needs only BᵀWB (T × T), BᵀWf (T × C) and, for the value at the minimum, Σ wn fn² (C): memory T², whatever
+N. There are two implementations, which tests compare. The compiled one for the CPU splits the samples into a fixed
+number of ranges, each with a private matrix, and adds these in order, so the result is bit-identical for any number of
+threads. The torch implementation runs on any device, in chunks.
 """
 
 import time
@@ -31,8 +31,8 @@ _RANGES = 2
 class Lookup:
     """A bilinear lookup: uv = matrix · x[start : start + k], in a texture of `shape` with first unknown `offset`.
 
-    `fractions` is how many steps a sampler divides a texel into (256 on most hardware); 0 is exact. `axes` are the
-    kinds of the texture's axes.
+    `fractions` is the number of steps into which a sampler divides a texel (256 on most hardware); 0 is exact. `axes`
+    are the kinds of the texture's axes.
     """
 
     start: int
@@ -55,7 +55,7 @@ class NormalEquations:
     def error(self, texels: Tensor) -> float:
         """Weighted mean over samples and channels of (f − By)², from the quadratic form alone.
 
-        Rounding leaves about 1e-15 of the energy: far under any error met with measured data.
+        The rounding error is about 1e-15 of the energy Σ w f², far below the errors on measured data.
         """
         quadratic = (texels * (self.matrix @ texels - 2 * self.rhs)).sum(0) + self.energy
         return float(quadratic.clamp_min(0).mean()) / self.weight
@@ -73,7 +73,7 @@ def total(parts: Sequence[NormalEquations]) -> NormalEquations:
 def accumulate(
     coordinates: Tensor, lookups: tuple[Lookup, ...], targets: Tensor, weights: Tensor, unknowns: int
 ) -> NormalEquations:
-    """Accumulate over coordinates (N, D), targets (N, C) and weights (N,), by the path of their device."""
+    """Accumulate the equations of coordinates (N, D), targets (N, C) and weights (N,), on their device."""
     if coordinates.device.type == "cpu":
         return accumulate_compiled(coordinates, lookups, targets, weights, unknowns)
     return accumulate_torch(coordinates, lookups, targets, weights, unknowns)
@@ -87,7 +87,7 @@ def accumulate_torch(
     unknowns: int,
     chunk: int = 65_536,
 ) -> NormalEquations:
-    """Return the same on any device: scattered outer products, `chunk` samples at a time."""
+    """Accumulate the equations on any device by scattered outer products, `chunk` samples at a time."""
     device, size = coordinates.device, unknowns
     matrix = torch.zeros(size * size, dtype=torch.float64, device=device)
     rhs = torch.zeros(size, targets.shape[1], dtype=torch.float64, device=device)
@@ -106,7 +106,7 @@ def accumulate_torch(
 
 
 def stencil_rows(coordinates: Tensor, lookups: tuple[Lookup, ...]) -> tuple[Tensor, Tensor]:
-    """The non-zeros of B: unknown numbers (N, 4L) int64 and weights (N, 4L); a number may stand twice in a row."""
+    """Return the non-zeros of B: indices (N, 4L) int64 and weights (N, 4L); an index may occur twice in a row."""
     numbers, values = [], []
     for lookup in lookups:
         x = coordinates[:, lookup.start : lookup.start + lookup.matrix.shape[1]]
@@ -119,7 +119,7 @@ def stencil_rows(coordinates: Tensor, lookups: tuple[Lookup, ...]) -> tuple[Tens
 def accumulate_compiled(
     coordinates: Tensor, lookups: tuple[Lookup, ...], targets: Tensor, weights: Tensor, unknowns: int
 ) -> NormalEquations:
-    """Return the same on the CPU, compiled: stencils are made and used sample by sample, none is stored."""
+    """Accumulate the equations on the CPU in compiled code, which computes the stencils without storing them."""
     matrix, part, rhs, energy = accumulate_lower(coordinates, lookups, targets, weights, unknowns)
     make_symmetric(matrix, part)
     return NormalEquations(
@@ -130,9 +130,9 @@ def accumulate_compiled(
 def accumulate_lower(
     coordinates: Tensor, lookups: tuple[Lookup, ...], targets: Tensor, weights: Tensor, unknowns: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return (two lower triangles (T, T) whose sum is BᵀWB's, BᵀWf (T, C), Σ w f² (C,)) of samples on the CPU.
+    """Return two lower triangles (T, T) whose sum is that of BᵀWB, BᵀWf (T, C) and Σ w f² (C,), on the CPU.
 
-    The second triangle is empty (0, 0) where there is little work.
+    The second triangle is empty (0, 0) for small problems.
     """
     entries = 4 * len(lookups)
     arrays = (coordinates.contiguous().numpy(), *pack(lookups), targets.contiguous().numpy())
@@ -152,7 +152,7 @@ def _ranges(count: int, cost: int) -> list[tuple[int, int]]:
 
 
 def pack(lookups: tuple[Lookup, ...]) -> tuple[np.ndarray, np.ndarray]:
-    """Return matrices (L, 2, 4) float64 and int64 (L, 8), as the kernels read them.
+    """Return the matrices (L, 2, 4) as float64 and the integers (L, 8) as int64, in the format of the kernels.
 
     The integers of each lookup are (start, k, rows, columns, offset, fractions, periodic rows, periodic columns).
     """
@@ -249,10 +249,11 @@ def _accumulate(x, matrices, layout, targets, weights, matrix, begin, end):  # p
 def gradient(
     coordinates: Tensor, lookups: tuple[Lookup, ...], targets: Tensor, weights: Tensor, texels: Tensor
 ) -> tuple[Tensor, float]:
-    """Return (∂/∂M of Σn wn |fn − (By)n|² at fixed texels (L, 2, 4), that sum): compiled on the CPU, torch elsewhere.
+    """Return the derivative (L, 2, 4) of Σn wn |fn − (By)n|² by the matrices M at fixed texels, and the sum itself.
 
-    The columns past a lookup's k are zero. A cell is 2/(M − 1) wide, on a periodic axis 2/M. In the flat cells that
-    clamping makes the derivative is 0; at the kinks between cells it is that of the cell the floor picks.
+    The columns beyond a lookup's k are zero. A cell is 2/(M − 1) wide, or 2/M on a periodic axis. The derivative is 0
+    where lookups are clamped. At the kinks between cells, it is that of the cell which the floor function selects. The
+    code is compiled on the CPU and uses torch on other devices.
     """
     if coordinates.device.type != "cpu":
         return gradient_torch(coordinates, lookups, targets, weights, texels)
@@ -265,7 +266,7 @@ def gradient(
 def gradient_torch(
     coordinates: Tensor, lookups: tuple[Lookup, ...], targets: Tensor, weights: Tensor, texels: Tensor
 ) -> tuple[Tensor, float]:
-    """As `gradient`, by automatic differentiation on any device."""
+    """Return the same as `gradient`, by automatic differentiation on any device."""
     matrices = [lookup.matrix.to(coordinates).clone().requires_grad_() for lookup in lookups]
     fitted = torch.zeros_like(targets)
     for lookup, matrix in zip(lookups, matrices, strict=True):
@@ -333,9 +334,9 @@ def _gradient(x, matrices, layout, targets, weights, texels, begin, end):  # pra
 
 
 def warm_up() -> float:
-    """Compile the kernels, or load them from their cache, so that the first fit need not pay for it.
+    """Compile the kernels, or load them from the cache, so that the first fit starts without this delay.
 
-    The seconds that compiling took; 0 where the cache had them.
+    Returns the seconds for compiling; 0 if the kernels were in the cache.
     """
     began = time.perf_counter()
     nothing = torch.zeros(4, 4, dtype=torch.float64, device="cpu")

@@ -1,4 +1,4 @@
-"""The scale of residuals that a minority of outliers cannot move: 1.4826 times the median |r|, σ of Gaussian ones."""
+"""A robust scale of residuals: 1.4826 times the median |r|, which equals σ for Gaussian residuals."""
 
 from torch import Tensor
 
@@ -6,5 +6,5 @@ _NORMAL_MAD = 1.4826
 
 
 def scale_of(residuals: Tensor) -> float:
-    """σ of residuals (N,), from the median of their absolute values."""
+    """Return the robust σ of residuals (N,) from the median of their absolute values."""
     return _NORMAL_MAD * float(residuals.abs().median())

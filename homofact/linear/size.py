@@ -1,7 +1,7 @@
-"""How large a system may be: what is made dense, what memory it takes, and what the machine has.
+"""Limits on the size of a system: when matrices are dense, how much memory they need, and how much is available.
 
-A dense normal matrix of T texels has T² numbers, and its factor as many. Up to `MOST_DENSE` that is half a gigabyte
-each and the exact answer costs seconds; above it systems stay sparse (`linear.sparse_solve`).
+The dense normal matrix of T texels has T² numbers, and its factor has as many. Up to `MOST_DENSE` texels, each needs at
+most half a gigabyte, and a direct solve takes seconds. Larger systems are sparse (`linear.sparse_solve`).
 """
 
 import contextlib
@@ -20,12 +20,12 @@ _CGROUP = Path("/sys/fs/cgroup/memory.max")
 
 
 def is_dense(unknowns: int) -> bool:
-    """Return whether systems of so many unknowns are made dense."""
+    """Return whether a system with this number of unknowns is dense."""
     return unknowns <= MOST_DENSE
 
 
 def memory_of_machine() -> int | None:
-    """Bytes that this process may use at most: the machine's, its control group's or its own limit; None if unknown."""
+    """Return the most bytes that this process may use, by machine, control group or process limit; None if unknown."""
     limits = []
     if hasattr(os, "sysconf") and "SC_PHYS_PAGES" in os.sysconf_names:
         limits.append(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
@@ -42,15 +42,15 @@ def memory_of_machine() -> int | None:
 
 
 def room_in_memory() -> float | None:
-    """Return bytes of arrays that fit beside the libraries into the machine's memory; None where it is unknown."""
+    """Return the bytes of memory that are left for arrays besides the libraries; None if unknown."""
     has = memory_of_machine()
     return None if has is None else has - _BESIDE
 
 
 def refuse_beyond_memory(what: str, nbytes: float, instead: str) -> None:
-    """Raise BadInput where `nbytes` of arrays do not fit beside the libraries into the machine's memory.
+    """Raise BadInput if arrays of `nbytes` do not fit into the memory that is left besides the libraries.
 
-    `what` names the setting and what was found, `instead` what is expected.
+    For the message, `what` states the setting and its value, and `instead` the expected value.
     """
     has, room = memory_of_machine(), room_in_memory()
     if has is not None and room is not None and nbytes > room:

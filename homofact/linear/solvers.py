@@ -1,10 +1,12 @@
-"""Linear solvers of the inner problem, behind one signature: problem → texels and how it went.
+"""Linear solvers of the inner problem with a common interface: they map a problem to a `Solution`.
 
 * cholesky: dense factorization of the normal equations, all channels at once; where the matrix is not positive definite
   to working precision, it returns the minimum-norm solution of the eigen-decomposition and reports this. With more than
-  `size.MOST_DENSE` unknowns only the textures' own blocks are factored, for conjugate gradients (`sparse_solve`).
-* qr: orthogonal factorization of the rows themselves, in blocks; the condition number is not squared.
-* lsmr: Fong and Saunders' iteration on the rows, a channel at a time (scipy).
+  `size.MOST_DENSE` unknowns, it factors only the diagonal blocks of the textures, as a preconditioner of conjugate
+  gradients (`sparse_solve`).
+* qr: orthogonal factorization of the weighted rows, in blocks. It does not square the condition number, unlike the
+  normal equations.
+* lsmr: Fong and Saunders' iteration on the rows, one channel at a time (scipy).
 * cg, qmr: conjugate gradients and quasi-minimal residual on the normal equations BᵀB as sparse products
   (scipy), a channel at a time. QMR on BᵀB is what the thesis used (3.2.6, eq. 3.7).
 
@@ -35,11 +37,11 @@ BLOCK = 4096
 
 @dataclass(frozen=True)
 class Solution:
-    """Texels (T, C), 0 where masked; how the solve ended; its iterations, summed over channels.
+    """The texels (T, C), 0 outside the mask, the status of the solver, and its iterations, summed over channels.
 
-    `condition` is the system's 1-norm condition number where a factor of it was at hand, and an estimate from below of
-    that of the 2-norm where the system was too large for one. `factor` is that factor where it was kept: U (K, K) of
-    UᵀU, what is under its diagonal not meant.
+    `condition` is the 1-norm condition number of the system if its Cholesky factor was computed. For a system that is
+    too large for a factor, it is a lower bound of the 2-norm condition number. `factor` is the Cholesky factor, if it
+    was kept: U (K, K) with UᵀU the matrix; ignore the entries below its diagonal.
     """
 
     texels: Tensor
@@ -50,7 +52,7 @@ class Solution:
 
 
 def cholesky(problem: LeastSquares) -> Solution:
-    """Dense Cholesky of the normal equations; minimum-norm fallback, status FALLBACK, where it breaks down.
+    """Solve by dense Cholesky of the normal equations; if it fails, by minimum norm with status FALLBACK.
 
     Large problems are solved by conjugate gradients: status CONVERGED, or BUDGET.
     """
@@ -80,7 +82,7 @@ def _norm(matrix: Tensor) -> float:
 
 
 def solve_definite(matrix: Tensor, rhs: Tensor) -> tuple[Tensor, Status]:
-    """(x, status) of a positive definite system (T, T), (T, C); the minimum norm where it is only semidefinite."""
+    """Return (x, status) of a positive definite system; x is the minimum-norm solution if it is only semidefinite."""
     if matrix.device.type == "cpu":
         solution = solve_lower(matrix.numpy().copy(), rhs.numpy())
         if solution is not None:
@@ -93,7 +95,7 @@ def solve_definite(matrix: Tensor, rhs: Tensor) -> tuple[Tensor, Status]:
 
 
 def qr(problem: LeastSquares) -> Solution:
-    """Orthogonal least squares: R of all rows, block after block, then back substitution."""
+    """Solve by QR: compute R of all rows, block after block, then substitute back."""
     rows, targets = problem.rows()
     width = int(problem.kept.sum())
     top = np.zeros((0, width + targets.shape[1]))
@@ -112,7 +114,7 @@ def qr(problem: LeastSquares) -> Solution:
 
 
 def lsmr(problem: LeastSquares) -> Solution:
-    """LSMR on the rows, a channel at a time; BUDGET where a channel ran out of iterations."""
+    """Solve by LSMR on the rows, one channel at a time; BUDGET if a channel reaches the iteration limit."""
     rows, targets, scale = _equilibrated(problem)
     limit = 20 * int(problem.kept.sum())
     answers = [

@@ -1,15 +1,16 @@
 """Systems too large for a dense matrix: conjugate gradients with a preconditioner of two levels.
 
-The normal matrix A = BᵀWB + λ'LᵀL + δI + μZZᵀ is never made, only multiplied with: B has four entries a lookup. Two
-things make it ill-conditioned, and each has its part of the preconditioner
+The normal matrix A = BᵀWB + λ'LᵀL + δI + μZZᵀ is never formed. Products with it are cheap, since B has four entries per
+lookup. Two effects make A ill-conditioned, and the preconditioner has a part for each:
 
     M⁻¹ = D⁻¹ + R (RᵀAR)⁻¹ Rᵀ.
 
-D are the textures' own blocks (`linear.banded`): smoothing, and texels that samples hold unevenly. What is left is what
-textures take over from each other: where their projections share a direction, a whole function of it can move from one
-to the other, and only interpolation and smoothing see it. These are smooth, so that textures of a few thousand texels
-in all have them: R interpolates coarse texels bilinearly, and RᵀAR is dense. Without it 1500 steps did not bring the
-texels of three 48² textures within 70% of the answer, with it 150 bring them within 1e-5.
+D has the diagonal blocks of the textures (`linear.banded`). It handles smoothing, and texels with uneven numbers of
+samples. R handles functions that can move between textures. If projections share a direction, any function of this
+coordinate can move from one texture to the other, and only interpolation and smoothing oppose that. These functions are
+smooth, so coarse textures with a few thousand texels in total represent them: R interpolates coarse texels bilinearly,
+and RᵀAR is dense. Without R, the error of the texels of three 48² textures was still above 70% after 1500 steps. With
+R, 150 steps reach an error of 1e-5.
 """
 
 from collections.abc import Callable
@@ -41,7 +42,7 @@ _READ = 1e-3
 class Sparse:
     """The system of a `LeastSquares` restricted to its kept unknowns (K), as sparse matrices on the CPU.
 
-    `design` (N, K) holds B's rows without weights.
+    `design` (N, K) contains the rows of B without weights.
     """
 
     problem: LeastSquares
@@ -77,13 +78,13 @@ class Sparse:
         return weights @ self.problem.targets.cpu().numpy() ** 2
 
     def times(self, texels: np.ndarray) -> np.ndarray:
-        """Return a y of texels (K, C)."""
+        """Return the product A y for texels y (K, C)."""
         held = self.problem.gauge_scale * (self.gauge @ (self.gauge.T @ texels))
         return self.weighted @ (self.design @ texels) + self.penalty @ texels + held
 
 
 def own_blocks(problem: LeastSquares, weights: np.ndarray, penalty: scipy.sparse.csr_matrix) -> BlockBanded:
-    """Return the factors of every texture's own block of a problem, treating each lookup separately.
+    """Return the factors of the diagonal block of each texture, in which each lookup is treated separately.
 
     `weights` (N,) replace those of the problem, and `penalty` (K, K) is added.
     """
@@ -101,7 +102,7 @@ def own_blocks(problem: LeastSquares, weights: np.ndarray, penalty: scipy.sparse
 
 @dataclass(frozen=True)
 class Answer:
-    """Texels (K, C), how the steps ended, how many they were, and the condition number, estimated from below."""
+    """The texels (K, C), the status, the number of steps, and a lower bound of the condition number."""
 
     texels: np.ndarray
     status: Status
@@ -110,10 +111,11 @@ class Answer:
 
 
 def conjugate(problem: LeastSquares) -> Answer:
-    """Solve a large problem: CONVERGED by `TOLERANCE` or `GAIN`, or BUDGET after `MOST_STEPS`.
+    """Solve a large problem; the status is CONVERGED (`TOLERANCE` or `GAIN`) or BUDGET (after `MOST_STEPS`).
 
-    Beside the channels a drawn right side g goes along: v = A⁻¹g is mostly of the smallest eigenvalues, of which
-    vᵀAv/vᵀv is an estimate from above; the power method gives the largest from below.
+    A random right-hand side g is solved together with the channels. v = A⁻¹g consists mostly of eigenvectors of the
+    smallest eigenvalues, so vᵀAv/vᵀv is an upper bound of the smallest eigenvalue. The power method gives a lower bound
+    of the largest eigenvalue.
     """
     system = Sparse.of(problem)
     blocks = own_blocks(problem, problem.weights.cpu().numpy(), system.penalty)
@@ -134,7 +136,7 @@ def conjugate(problem: LeastSquares) -> Answer:
 
 
 def condition_from_below(problem: LeastSquares) -> float:
-    """Return the condition number as `conjugate` estimates it, of a problem that another solver has solved."""
+    """Estimate the condition number, as `conjugate` does, of a problem that another solver has solved."""
     return conjugate(replace(problem, targets=problem.targets[:, :1])).condition
 
 

@@ -1,10 +1,10 @@
-"""Threads for work in many small pieces: one for every library, and our own for pieces that stand by themselves.
+"""Threads for many small tasks: libraries use one thread, and independent tasks run in threads of homofact.
 
-A fit solves thousands of systems of a few hundred unknowns. Handing each to two threads of torch or BLAS
-gains little on an idle machine and loses a factor of fifty on a busy one, where a spinning worker waits for
-a core that its partner holds. So libraries work on one thread (`one_thread`), and whole pieces (ranges of samples,
-folds, mixes to be judged) are given to plain threads (`in_parallel`). What a piece is never depends on how many threads
-there are, so neither does any bit of a result.
+A fit solves thousands of systems of a few hundred unknowns. Solving each system with two threads of torch or BLAS gains
+little on an idle machine. On a busy machine it is fifty times slower, since a spinning thread waits for a core that
+another thread occupies. So libraries use one thread (`one_thread`), and whole tasks (ranges of samples, folds, mixes)
+run in Python threads (`in_parallel`). The division into tasks does not depend on the number of threads, so results are
+bit-identical for any number.
 """
 
 import threading
@@ -44,10 +44,10 @@ def one_thread(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def in_parallel(function: Callable[[T], R], pieces: Iterable[T]) -> list[R]:
-    """[function(piece) …] in the order of the pieces, on as many threads as numba is given.
+    """Return [function(piece) …] in the order of the pieces, computed on numba's number of threads.
 
-    A piece that is parallel itself works through its own pieces in turn. The functions must let go of the
-    interpreter's lock (compiled kernels, LAPACK) to gain anything.
+    A nested call of `in_parallel` within a piece runs its pieces one after the other. The functions only run faster in
+    parallel if they release the interpreter's lock, as compiled kernels and LAPACK do.
     """
     listed = list(pieces)
     threads = numba.get_num_threads()

@@ -1,10 +1,10 @@
-"""A budget of bytes spent over all materials: the least error of the picture that it buys.
+"""Distribute a budget of bytes over all materials so that the error of the picture is smallest.
 
-The picture's error is Σ share · error, errors in units of the tolerance, each material's by its share of the picture.
-Every material takes one rung; of all choices within the budget the best is found exactly, material by material, keeping
-of equal or more bytes only what errs less (a multiple-choice knapsack). Rungs that were not asked about count by what
-the walk's belief expects of them (`plan.search`); those that the best choice takes are then asked, and it is made anew,
-until it consists of measured ones.
+The picture's error is Σ share · error, with errors in units of the tolerance and each material's share of the picture.
+Every material gets one rung. The best choice within the budget is found exactly as a multiple-choice knapsack: material
+by material, a partial choice with more bytes is kept only if its error is smaller. Rungs that were not measured have
+the error that the model of the search expects (`plan.search`). If the best choice contains such rungs, they are
+measured and the choice is repeated, until all its rungs are measured.
 """
 
 import math
@@ -20,9 +20,9 @@ NOTHING = 1e6
 
 @dataclass(frozen=True)
 class Buyer:
-    """One material: its share of the picture, the rungs that may serve it, and how one is asked about.
+    """One material: its share of the picture, its candidate rungs, and the function that measures a rung.
 
-    `asked` holds the answers so far and is added to. `most_fetches` are those of one evaluation.
+    `asked` has the outcomes so far; `allocate` adds to it. `most_fetches` limits the fetches of one evaluation.
     """
 
     share: float
@@ -34,7 +34,7 @@ class Buyer:
     most_fetches: float = math.inf
 
     def offers(self) -> list[tuple[int, float, Candidate | None]]:
-        """Return (bytes, error, rung) of all that may serve, None for nothing."""
+        """Return (bytes, error, rung) of all candidates, including a rung None for no representation."""
         unasked = [
             rung
             for rung in self.rungs
@@ -53,7 +53,7 @@ class Buyer:
 
 
 def allocate(buyers: Sequence[Buyer], most_bytes: float) -> list[Candidate | None]:
-    """Return the rung of each buyer; all are asked about. None where even the smallest is beyond the budget."""
+    """Return each buyer's rung, all measured; None for buyers that get no representation within the budget."""
     while True:
         chosen = best_choice([(buyer.share, buyer.offers()) for buyer in buyers], most_bytes)
         unasked = [

@@ -1,9 +1,10 @@
-"""Where a plan is, and about how long the rest of it takes: told before every fit.
+"""Report the progress of a plan and the estimated remaining time before every fit.
 
-A plan does not know how many fits it will make. The clock expects `USUAL` per material that has not begun, also of the
-plan under another lighting that follows, `LARGER` for the larger step, and of a material without a fit that meets its
-tolerance as many as the search may still make. Its seconds come from the model of `evaluation.estimate`, corrected by
-what the fits so far have taken. The verdicts on the choices are added; where choices must be trusted, one to each fit.
+The number of fits of a plan is not known in advance. The clock expects `USUAL` fits for each material that has not
+begun, also for those of a following plan under another lighting, and `LARGER` fits for each larger step. For a material
+without a fit that meets its tolerance, it expects as many fits as the search may still make. The seconds per fit come
+from the model of `evaluation.estimate`, corrected by the time of the fits so far. The time of the verdicts is added:
+one per choice, or one per fit if choices must be trusted.
 """
 
 import time
@@ -43,10 +44,10 @@ class PlanClock:
     _trusted: bool = False
 
     def expect(self, materials: int, steps: int, trusted: bool = False) -> None:
-        """So many materials are still to be planned, and so many larger steps to be fitted after them.
+        """Set how many materials are still to be planned, and how many larger steps are to be fitted after them.
 
-        `following` is the number of materials of a plan that begins after this one. If some choice must be `trusted`,
-        fits are judged as soon as they are made.
+        The attribute `following` is the number of materials of a plan that begins after this one. If some choice must
+        be `trusted`, fits are judged as soon as they are made.
         """
         self.materials, self._steps, self._trusted = materials, steps, trusted
         self._judged = self._judged or materials
@@ -62,7 +63,7 @@ class PlanClock:
         self._say(words, USUAL)
 
     def asking(self, candidate: Candidate, most: int | None) -> None:
-        """Say that a candidate is about to be fitted; where none meets the tolerance, `most` fits are left with it."""
+        """Report that a candidate is to be fitted next; if none meets the tolerance, `most` fits may remain."""
         self._settle()
         if candidate.is_colour or self._fits is None:
             return
@@ -81,7 +82,7 @@ class PlanClock:
         self._say(words, LARGER)
 
     def stage(self, words: str) -> None:
-        """Begin what is no fit."""
+        """Begin a step that is not a fit."""
         self._settle()
         self._fits = None
         self._say(words, 0)

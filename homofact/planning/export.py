@@ -20,7 +20,7 @@ COLOUR = "colour.json"
 
 
 def check_plan_folder(folder: Path, force: bool) -> None:
-    """Raise BadInput where `write_plan` could not put a plan: refused as `files.folder.check_new_folder` says."""
+    """Raise BadInput, as `files.folder.check_new_folder`, if `write_plan` cannot write to the folder."""
     check_new_folder(folder, PLAN, force)
 
 
@@ -29,9 +29,9 @@ def write_plan(folder: Path, plan: ScenePlan, force: bool = False) -> dict[str, 
     own tolerance, where given).
 
     A fit is written as `exporting.result` does, one of whole texels as `exporting.exported` does (PNG of 8 bits with
-    their shaders), one colour as a fit of one even texture with colour.json beside it: `f` per channel in sr⁻¹, and
-    for lambert-9 each lighting's 9 terms.
-    Raises BadInput as `check_plan_folder`, and for places that cannot be written.
+    their shaders), and one colour as a fit of one constant texture with colour.json beside it, which has `f` per
+    channel in sr⁻¹ and, for lambert-9, the 9 terms of each lighting. Raises BadInput as `check_plan_folder`, and for
+    places that cannot be written.
     """
     check_plan_folder(folder, force)
     folder.mkdir(parents=True, exist_ok=True)

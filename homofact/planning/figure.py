@@ -1,8 +1,8 @@
 """The picture of a plan: error against bytes of the evaluated fits, and the used part of the tolerance per choice.
 
 The left panel compares all materials: one colour per material and one marker per method, filled for floats and hollow
-for 8 bits, with a name beside each point. A thin line joins the points of each material that no smaller one undercuts:
-the least error so far for so many bytes. A ring marks its choices. The panel is left out if no material has more than
+for 8 bits, with a name beside each point. For each material, a thin line joins the points that have a smaller error
+than all points of fewer bytes. A ring marks the material's choice. The panel is left out if no material has more than
 one point. The right panel has a bar for each choice, limit and lighting: the part of the limit that is used, with the
 margin for other views in a lighter colour. Material and choice are named beside the bars, outside the axes.
 """

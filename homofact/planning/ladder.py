@@ -1,9 +1,9 @@
 """The ladder of representations, from one colour and GGX models to five textures, and how each is fitted.
 
-A fit stands on it twice, with texels as float32 and as whole numbers of 8 bits ("png8", as `homofact export` writes
-them), which takes no second fit; a model has no texels. Bytes are the material's own: 4 or 1 a channel of a texel, 4 a
-number of a model. The 9 terms of "lambert-9" belong to the lighting (108 bytes in three channels, once a scene); it
-stores the same colour as "constant" and saves the sum over the lights.
+Every fit with textures has two rungs: with float32 texels, and with 8-bit texels ("png8", as `homofact export` writes
+them), which need no second fit. A model has no texels. Bytes count only the data of the material: 4 or 1 per channel of
+a texel, 4 per parameter of a model. The 9 terms of "lambert-9" belong to the lighting (108 bytes for three channels,
+once per scene). "lambert-9" stores the same colour as "constant" and saves the sum over the lights at run time.
 """
 
 from collections.abc import Iterable
@@ -51,7 +51,7 @@ class Candidate:
 
     @property
     def label(self) -> str:
-        """As in records: "search 2 × 16²", "search 2 × 16², 8 bits"."""
+        """Return the name for records: "search 2 × 16²", "search 2 × 16², 8 bits"."""
         if not self.textures:
             return self.method
         bits = ", 8 bits" if self.storage == WHOLE else ""
@@ -59,7 +59,7 @@ class Candidate:
 
     @property
     def words(self) -> str:
-        """For someone who ships it: "one colour", "GGX model, 1 lobe", "2 textures of 16², 8 bits (search)"."""
+        """Return the name for users: "one colour", "GGX model, 1 lobe", "2 textures of 16², 8 bits (search)"."""
         if self.is_colour:
             return ONE_COLOUR
         if self.lobes:
@@ -70,12 +70,12 @@ class Candidate:
 
     @property
     def fit(self) -> "Candidate":
-        """The rung whose fit it is: the same with float texels."""
+        """Return the rung of its underlying fit: the same with float texels."""
         return replace(self, storage=FLOATS)
 
     @property
     def texel_bytes(self) -> int:
-        """Of one channel."""
+        """Return the bytes of one channel of a texel."""
         return 1 if self.storage == WHOLE else 4
 
     @property
@@ -94,14 +94,14 @@ class Candidate:
         return int(self.method.partition(":")[2] or 1) if self.family == Ggx.name else 0
 
     def most_bytes(self, channels: int) -> int:
-        """Return bytes at most: a search may find fewer textures, or flat ones, enough."""
+        """Return the most bytes; a search may need fewer, if fewer or constant textures are enough."""
         if self.lobes:
             # A diffuse colour, and of each lobe a colour, its roughness and its reflectance.
             return self.texel_bytes * (channels + self.lobes * (channels + 2))
         return self.texel_bytes * channels * (1 if self.is_colour else self.textures * self.size**2)
 
     def most_fetches(self, isotropic: bool) -> int:
-        """Fetches expected: one a texture, two a term of an SVD or where conjugates are looked up."""
+        """Return the expected fetches: one per texture, two per SVD term or if conjugates are looked up."""
         if not self.textures:
             return 0
         if self.method == "mccool":
@@ -111,7 +111,7 @@ class Candidate:
 
 @dataclass(frozen=True)
 class FitOptions(PlanSettings):
-    """How the rungs are fitted: `held_out` is the part of the samples kept from the fit."""
+    """How the rungs are fitted: `held_out` is the share of held-out samples."""
 
     held_out: float = HELD_OUT
     seed: int = 0

@@ -1,4 +1,4 @@
-"""The fits of one material: its source, every fit of it so far in either storage, and the verdict on a choice."""
+"""The fits of one material: its source, all its fits so far in both storages, and the verdict on a choice."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -53,7 +53,7 @@ def fitted_by_method(candidate: Candidate, source: Source, options: FitOptions) 
 
 @dataclass
 class MaterialFits:
-    """The source of a material, what theory knows of it, every fit `made` so far and why others were `refused`."""
+    """A material's source, its theory, its fits `made` so far, and the reasons why others were `refused`."""
 
     text: str
     options: FitOptions
@@ -65,7 +65,7 @@ class MaterialFits:
 
     @cached_property
     def source(self) -> Source:
-        """Read or sampled once; a tilt is looked for, but left in. Raises BadInput as `open_source` does."""
+        """Return the source, opened once; its tilt is found but not corrected. Raises as `open_source`."""
         return with_tilt_looked_at(open_source(self.text, count=self.options.count, seed=self.options.seed))
 
     @cached_property
@@ -75,7 +75,7 @@ class MaterialFits:
 
     @cached_property
     def own_terms(self) -> int:
-        """In-out terms that hold 99% of the BRDF itself, whatever light falls on it (`terms.half_angle_terms`)."""
+        """Return how many in-out terms cover 99% of the BRDF's energy for any light (`terms.half_angle_terms`)."""
         return half_angle_terms(half_angle_curve(self.source.reflectance).l_star())
 
     @cached_property
@@ -90,16 +90,16 @@ class MaterialFits:
 
     @cached_property
     def split(self) -> Split:
-        """What is held out."""
+        """Return the split into training and held-out samples."""
         return Split.of(self.source, self.options.held_out, self.options.seed)
 
     @cached_property
     def training(self) -> Samples:
-        """What fits are made of."""
+        """Return the training samples."""
         return self.split.parts(self.source)[0]
 
     def fitted(self, candidate: Candidate) -> tuple[Fitted, Report]:
-        """Return the rung's fit in its storage, made on first asking. Raises what its method raises, each time."""
+        """Return the rung's fit in its storage, made at the first call. Raises as its method, at each call."""
         if candidate.fit in self.refused:
             raise BadInput(self.refused[candidate.fit])
         if candidate.fit not in self.made:
@@ -118,9 +118,10 @@ class MaterialFits:
         return quantized(fit, self.training, method, WHOLE)
 
     def verdict(self, candidate: Candidate, colour: Lambert | None = None) -> Verdict:
-        """Return what is found against a rung, made on first asking, or against one `colour`.
+        """Return the verdict on a rung, made at the first call, or on one `colour`.
 
-        For a colour, only findings about the data and unknown ones: its errors are chosen, within the tolerance.
+        For a colour, the verdict omits findings about the fit, because the plan accepts the errors of one colour within
+        the tolerance.
         """
         if colour is not None:
             return self._verdict(candidate, colour).without(About.FIT)
@@ -144,7 +145,7 @@ class MaterialFits:
 
 
 def as_texture(colour: Lambert, training: Samples, epsilon: float) -> Factorization:
-    """Return one colour as a product of one even texture of 2 × 2 texels."""
+    """Return one colour as a product of one constant texture of 2 × 2 texels."""
 
     transform = LogTransform.of(training, epsilon)
     level = transform.forward(torch.tensor(colour.diffuse, dtype=torch.float64)[None] / torch.pi)[0]
@@ -154,5 +155,5 @@ def as_texture(colour: Lambert, training: Samples, epsilon: float) -> Factorizat
 
 
 def rungs_for(fits: MaterialFits, tolerance: Tolerance) -> tuple[Candidate, ...]:
-    """Return the rungs that are to be told apart under a tolerance."""
+    """Return the candidate rungs under a tolerance; without limits on light, "lambert-9" is not one."""
     return tuple(candidate for candidate in fits.rungs if tolerance.of_light or candidate.method != LAMBERT)

@@ -1,4 +1,4 @@
-"""What a representation is judged by: the Cole error on held-out samples, and the light that it reflects.
+"""The errors of a representation: the Cole error on held-out samples, and errors of its reflected light.
 
 The light is that of lit spheres (`plan.stage`): some thousand pairs of normal and view, none of them a sample of the
 fit, the same for source and candidate. All kinds of error are `plan.tolerance`'s. One exposure takes the 99th
@@ -36,7 +36,7 @@ _P95 = 0.95
 
 @dataclass(frozen=True)
 class Picture:
-    """What is seen of one view: radiance (P, C) of pixels or nodes, and the share of the disc of each, (P,)."""
+    """One view: radiance (P, C) of pixels or nodes, and the share of each in the sphere's disc, (P,)."""
 
     radiance: Tensor
     weights: Tensor
@@ -46,7 +46,7 @@ class Picture:
 class RepresentationEvaluator:
     """Measures representations of one source on one stage; its own pictures are drawn once.
 
-    `pixels` are those that the sphere is across, None from close by (`plan.stage`).
+    `pixels` is the diameter of the sphere in pixels, None for a close camera (`plan.stage`).
     """
 
     source: Source
@@ -56,12 +56,12 @@ class RepresentationEvaluator:
 
     @property
     def lighting(self) -> Lighting:
-        """The light on the stage."""
+        """Return the lighting of the stage."""
         return self.stage.lighting
 
     @cached_property
     def transform(self) -> LogTransform:
-        """ε of the source and A of the training samples, as every fit of them has."""
+        """Return the log transform with ε of the source and A of the training samples, as in every fit."""
         return LogTransform.of(self._train, self.source.default_epsilon)
 
     @property
@@ -86,7 +86,7 @@ class RepresentationEvaluator:
         return exposure(self._pictures)
 
     def errors(self, reflectance: Reflectance, kinds: tuple[str, ...] = KINDS) -> Errors:
-        """The errors of a fitted representation; those not asked for are NaN, infinite where it is not finite."""
+        """Return the errors of a fitted representation: NaN if not in `kinds`, infinite if it is not finite."""
         drawn: list[Tensor] = []
         if not set(kinds) <= set(UNLIT):
             # The source's come first: what is wrong with the lighting is no fault of the fit.
@@ -108,7 +108,7 @@ class RepresentationEvaluator:
 
     @cached_property
     def to_white(self) -> tuple[Tensor, Tensor]:
-        """Σ B E and Σ E² (C,) over the nodes, by Σ B²: of the source's light B and that of a white sphere, E."""
+        """Return Σ B E/Σ B² and Σ E²/Σ B² (C,) over nodes, for light B of the source and E of a white sphere."""
         names = self.source.samples.channels
         white = self.stage.white(names)
         met = there = torch.zeros(len(names), dtype=torch.float64)
@@ -122,7 +122,7 @@ class RepresentationEvaluator:
 
     @cached_property
     def of_logs(self) -> Tensor:
-        """f (C,) whose logarithm is the mean of the training samples'."""
+        """Return f (C,) whose log transform is the weighted mean of that of the training samples."""
         train = self._train
         weights = train.weights / train.weights.sum()
         return self.transform.inverse((self.transform.forward(train.values) * weights[:, None]).sum(0))
@@ -167,16 +167,16 @@ class RepresentationEvaluator:
         ]
 
     def cut(self, model: Lambert, drawn: list[Tensor]) -> list[Tensor]:
-        """Under the 9 terms alone: what the light above them adds is taken off, exactly, at each node's normal."""
+        """Return the radiance of one colour under the 9 terms: subtract light of higher orders at each node."""
         albedo = torch.tensor(model.diffuse, dtype=torch.float64)
         above = zip(self.stage.above_nine_terms, drawn, strict=True)
         return [(radiance - lost * albedo / math.pi).clamp_min(0) for lost, radiance in above]
 
 
 def best_colour(judges: Sequence[RepresentationEvaluator], of_light: bool) -> Lambert:
-    """f = c that minimises a source's error: of the light in all views, each lighting's relative, else of the logs.
+    """Return the colour with the least error: of the light, relative per lighting, if `of_light`, else of logs.
 
-    The logs are those of the training samples; `judges` are of one source, one a lighting.
+    The logarithms are those of the training samples. `judges` are the evaluators of one source, one per lighting.
     """
     if of_light:
         met, there = (torch.stack(sums).sum(0) for sums in zip(*(judge.to_white for judge in judges), strict=True))
@@ -189,7 +189,7 @@ def best_colour(judges: Sequence[RepresentationEvaluator], of_light: bool) -> La
 def picture_errors(
     own: list[Picture], other: list[Picture], exposed: float, kinds: tuple[str, ...]
 ) -> dict[str, float]:
-    """The errors of light of pictures against the source's `own`, by kind: those of `kinds` that are asked for."""
+    """Return the errors of light, by kind, of the pictures `other` against the source's `own`, for `kinds`."""
     errors: dict[str, float] = {}
     pairs = list(zip(own, other, strict=True))
     if "reflected" in kinds:
@@ -216,7 +216,7 @@ def exposure(pictures: list[Picture]) -> float:
 
 
 def quantile(values: Tensor, weights: Tensor, part: float) -> float:
-    """Return the least of `values` (N,) that `part` of the `weights` (N,) do not exceed."""
+    """Return the weighted quantile `part` of `values` (N,) with `weights` (N,)."""
     order = values.argsort()
     running = weights[order].cumsum(0)
     place = int(torch.searchsorted(running, part * running[-1]))

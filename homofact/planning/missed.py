@@ -1,4 +1,4 @@
-"""What a plan says of a material that misses its tolerance: each limit, the value reached, and the budget."""
+"""The message about a material that misses its tolerance: each limit, the value reached, and the budget."""
 
 from homofact.brdf.scattered import made_of_samples
 from homofact.evaluation.wording import counted, listed
@@ -15,7 +15,7 @@ def missed_by_all(found: ScenePlan) -> tuple[str, ...]:
 
 
 def missed_limits(plan: MaterialPlan) -> tuple[tuple[Used, str], ...]:
-    """Return each limit that the choice misses, and the lighting where it misses it most, "" where none matters."""
+    """Return each limit that the choice misses with the worst lighting, "" if the lighting does not matter."""
     by_lighting = [plan.tolerance.uses(errors) for errors in plan.errors]
     found = []
     for each in zip(*by_lighting, strict=True):
@@ -28,7 +28,7 @@ def missed_limits(plan: MaterialPlan) -> tuple[tuple[Used, str], ...]:
 def bound_by(plan: MaterialPlan, budget: Budget, shared: bool = False) -> str:
     """Name the limits of a budget that rule out some representation, such as " within 50 bytes"; "" for none.
 
-    `shared` tells whether the bytes were distributed over the materials, which rules out more.
+    If `shared`, the bytes were distributed over the materials, which rules out more representations.
     """
     samples, rungs = plan.fits.source.samples, rungs_for(plan.fits, plan.tolerance)
     named = []

@@ -1,8 +1,9 @@
-"""What one step down or up from a choice costs: a smaller representation, and a larger one that errs less.
+"""The neighbours of a choice: a smaller representation, and a larger one with a smaller error.
 
-Rungs that the plan has measured come first. Where no larger one was measured, the belief about the ladder
-(`planning.search`) names the cheapest that should err clearly less, with the median of its error. `measure_larger`
-fits it: a belief from a few fits can be wrong, above all for samples, where larger textures may err more.
+Measured rungs have priority. If no larger rung was measured, the model of the ladder's errors (`planning.search`) gives
+the cheapest rung that should have a clearly smaller error, with the median of this error. `measure_larger` fits that
+rung, because a prediction from a few fits can be wrong, above all for sampled sources, where larger textures may have
+larger errors.
 """
 
 import math
@@ -24,10 +25,10 @@ TRIES = 2
 
 @dataclass(frozen=True)
 class Neighbour:
-    """A representation beside the choice.
+    """A representation that is a smaller or larger alternative to the choice.
 
-    `error` is the part of the tolerance that it uses, margins included; `measured` tells whether it was fitted, or the
-    error is expected and `bytes` are the most that it takes. `trusted` as in `LadderOutcome`.
+    `error` is the share of the tolerance that it uses, margins included. If `measured` is false, it was not fitted:
+    `error` is predicted, and `bytes` is an upper bound. `trusted` as in `LadderOutcome`.
     """
 
     candidate: Candidate
@@ -42,7 +43,7 @@ class Neighbour:
 
 
 def smaller(plan: MaterialPlan) -> Neighbour | None:
-    """Return the best representation of fewer bytes that was measured; None where there is none."""
+    """Return the measured representation of fewer bytes with the smallest error; None if there is none."""
     chosen = plan.outcome
     if chosen is None:
         return None
@@ -59,7 +60,7 @@ def smaller(plan: MaterialPlan) -> Neighbour | None:
 
 
 def larger(plan: MaterialPlan) -> Neighbour | None:
-    """The cheapest representation of more bytes that errs clearly less, measured or expected; None where none does."""
+    """Return the cheapest larger representation with a clearly smaller error, measured or predicted, or None."""
     chosen = plan.outcome
     if chosen is None or chosen.error == 0:
         return None
@@ -96,7 +97,7 @@ def _above(plan: MaterialPlan) -> list[Candidate]:
 
 
 def best_larger(plan: MaterialPlan) -> Neighbour | None:
-    """Return the best representation of more bytes, though it errs no less: what the next bytes would buy.
+    """Return the larger representation with the least error, even if this is no less than the choice's.
 
     It is a measured one where there is one; else the one that is expected to err least. None where no larger one is
     among the candidates.
@@ -147,12 +148,12 @@ def sufficient(plan: MaterialPlan) -> Neighbour | None:
 
 
 def measure_larger(plan: MaterialPlan) -> None:
-    """Fit and measure the larger step where it is only expected; the next one where it does not err clearly less.
+    """Fit and measure the larger step if it is only predicted; try others if its error is not clearly smaller.
 
-    First come larger models, whose fits take next to no time, then the representation of the next bytes that is
-    expected to err less at all: the belief in one that errs clearly less may rest on few fits. The walk of the plan
-    gets the outcomes, and the cheapest measured rung that errs
-    clearly less is the step from then on. Where `TRIES` more fits find none, the step stays an expected one.
+    Larger models come first, because they are fitted almost instantly. Next comes the cheapest larger representation
+    whose predicted error is smaller at all, because the prediction of a clearly smaller error may be based on few fits.
+    The outcomes are added to the plan's walk. The cheapest measured rung with a clearly smaller error is then the
+    larger step. If `TRIES` more fits find none, the step remains a predicted one.
     """
     chosen = plan.outcome
     if plan.walk.stepped:

@@ -35,7 +35,8 @@ USUAL_ERROR = 0.05
 class MaterialPlan:
     """What was found for one material; `walk.choice` is the representation, None where none fits the budget.
 
-    One judge a lighting. Errors of the walk are in units of the tolerance, its margins included: 1 just meets it.
+    There is one judge per lighting. Errors of the walk are in units of the tolerance, margins included: an error of 1
+    just meets it.
     """
 
     material: SceneMaterial
@@ -47,35 +48,35 @@ class MaterialPlan:
 
     @property
     def name(self) -> str:
-        """The material's own, else the source's."""
+        """Return the material's own name, else the source's."""
         return self.material.name or self.fits.source.name
 
     @property
     def outcome(self) -> LadderOutcome | None:
-        """The choice's error, bytes and fetches."""
+        """Return the outcome of the choice: its error, bytes and fetches."""
         return None if self.walk.choice is None else self.walk.asked[self.walk.choice]
 
     @property
     def missed_by(self) -> float:
-        """error/limit − 1 of the choice where it misses, margins included; infinite where nothing was in the budget."""
+        """Return error/limit − 1 of the choice with margins: 0 if met, infinite if nothing is in the budget."""
         outcome = self.outcome
         return max(0.0, outcome.error - 1) if outcome is not None else math.inf
 
     @cached_property
     def needed_orders(self) -> tuple[int, ...]:
-        """After which order the lobe may be cut, by lighting: for the tolerance on light, else for 5% of it."""
+        """Return by lighting the order at which the lobe may be cut, for the `reflected` limit or 5% error."""
         error = dict(self.tolerance.limits).get("reflected", USUAL_ERROR)
         return tuple(order_needed(self.fits.lobes, judge.lighting, error) for judge in self.judges)
 
     @property
     def highlight_pixels(self) -> float | None:
-        """How many pixels the highlight is across, None where it has none or the object is close by."""
+        """Return the width of the highlight in pixels; None without a highlight or for a close camera."""
         pixels, width = self.material.pixels, self.fits.highlight
         return None if pixels is None or width is None else pixels * math.sin(width)
 
     @cached_property
     def colour(self) -> Lambert | None:
-        """The one colour that was chosen; None where the choice has textures, or there is none."""
+        """Return the chosen colour; None if the choice is not one colour, or there is no choice."""
         choice = self.walk.choice
         return best_colour(self.judges, self.tolerance.of_light) if choice is not None and choice.is_colour else None
 
@@ -87,13 +88,13 @@ class MaterialPlan:
 
     @property
     def opinion(self) -> Opinion | None:
-        """The grade that people would give the choice; None where its source is known only at its samples."""
+        """Return the predicted grade of the choice; None if its source is known only at its samples."""
         differences = [errors.delta_e_study for errors in self.errors[:1]]
         return opinion_table().law.opinion(differences[0]) if differences and not math.isnan(differences[0]) else None
 
     @cached_property
     def verdict(self) -> Verdict | None:
-        """What is found against the choice and its data."""
+        """Return the verdict on the choice and its data."""
         choice = self.walk.choice
         return None if choice is None else self.fits.verdict(choice, self.colour)
 
@@ -103,7 +104,7 @@ class MaterialPlan:
         return judge.errors(self.fits.fitted(choice)[0])
 
     def ask(self, candidate: Candidate) -> LadderOutcome:
-        """Return a rung's outcome under this plan's lightings and tolerance, from the walk if it is there."""
+        """Return a rung's outcome under this plan's lightings and tolerance, from the walk if already measured."""
         if candidate in self.walk.asked:
             return self.walk.asked[candidate]
         return outcome_of(candidate, self.fits, self.judges, self.tolerance)
@@ -111,7 +112,7 @@ class MaterialPlan:
 
 @dataclass(frozen=True)
 class OneSize:
-    """The smallest single rung that was found to meet the tolerance for every material; bytes of all together."""
+    """The smallest single rung found that meets all materials' tolerances, with the bytes of all materials."""
 
     candidate: Candidate
     bytes: int
@@ -123,7 +124,7 @@ class ScenePlan:
     """The plans of all materials in the scene's order; `fits` counts all fits, including those of `one_size`.
 
     `allocated` is true if the bytes are too few for all tolerances, so that they were distributed over the choices.
-    `wanted_bytes` are those of the choices before that, of which each alone is within the budget.
+    `wanted_bytes` are the bytes of the choices before this distribution, each of which alone is within the budget.
     """
 
     scene: Scene
@@ -151,12 +152,12 @@ class ScenePlan:
 
     @property
     def distinct(self) -> tuple[MaterialPlan, ...]:
-        """Each choice once, where a material is listed again."""
+        """Return the plans without repetitions of materials that are listed twice."""
         return tuple({plan.material.key: plan for plan in self.materials}.values())
 
     @property
     def bytes(self) -> int:
-        """Of the choices; what is listed twice once."""
+        """Return the bytes of all choices; materials that are listed twice count once."""
         return sum(plan.outcome.bytes for plan in self.distinct if plan.outcome is not None)
 
     @property
@@ -166,7 +167,7 @@ class ScenePlan:
 
     @property
     def error(self) -> float:
-        """Of the picture, by the shares, in units of the tolerance; infinite where a material has no representation."""
+        """Return the picture's error in units of the tolerance, by shares; infinite if a choice is missing."""
         errors = (math.inf if plan.outcome is None else plan.outcome.error for plan in self.materials)
         return sum(plan.material.share * error for plan, error in zip(self.materials, errors, strict=True))
 
@@ -249,7 +250,7 @@ def plan_scene(
     clock: PlanClock | None = None,
     larger: bool = False,
 ) -> ScenePlan:
-    """Plan a scene; `fits_by_source` carries fits over from another plan, `clock` hears which fit is at work.
+    """Plan a scene; `fits_by_source` reuses the fits of another plan, and `clock` is told about each fit.
 
     If `larger`, the clock also expects the fits of `neighbours.with_larger_measured`, which the caller runs next.
 
@@ -295,7 +296,7 @@ def plan_scene(
 
 
 def share_out(plans: tuple[MaterialPlan, ...], scene: Scene, most_bytes: int) -> tuple[MaterialPlan, ...]:
-    """Return the plans with the choices that make the picture's error least within so many bytes."""
+    """Return the plans with the choices of least picture error within the scene's bytes."""
     most_fetches = math.inf if scene.budget.fetches is None else scene.budget.fetches
     buyers = [
         Buyer(
@@ -317,9 +318,10 @@ def share_out(plans: tuple[MaterialPlan, ...], scene: Scene, most_bytes: int) ->
 
 
 def one_size(distinct: tuple[MaterialPlan, ...], shown: tuple[MaterialPlan, ...]) -> OneSize | None:
-    """Return the smallest single rung that meets the tolerance for all, looked for upwards from the dearest choice.
+    """Return the smallest single rung that meets all tolerances, searched upwards from the largest choice.
 
-    None where some material's tolerance was not met at all, or where no rung of the dearest one's method serves all.
+    None if some material's tolerance was not met at all, or if no rung of the same method and storage as the largest
+    choice meets all.
     """
     if not all(plan.walk.met for plan in distinct):
         return None

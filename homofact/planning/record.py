@@ -100,7 +100,7 @@ def _trusted(plan: MaterialPlan) -> bool | None:
 
 
 def finite(value: float) -> float | None:
-    """None for what JSON has no number for."""
+    """Return the number, or None if JSON cannot represent it (NaN or infinite)."""
     return value if math.isfinite(value) else None
 
 

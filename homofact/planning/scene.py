@@ -60,7 +60,7 @@ class _MaterialKeys:
 
 @dataclass(frozen=True)
 class SceneMaterial(_MaterialKeys):
-    """`source` as `brdf.source.open_source` takes it, `share` of the picture in (0, 1].
+    """`source` as for `brdf.source.open_source`, and `share` of the picture in (0, 1].
 
     `pixels` is the width of the object in pixels, None for a camera so close that pixels do not blur. `name` is what
     tables, pictures and folders call it, None for the source's own name. `tolerance` is its own, None for the scene's.
@@ -93,7 +93,7 @@ NO_BUDGET = Budget()
 
 @dataclass(frozen=True)
 class Scene:
-    """What is planned for; the tolerance, or a material's own, holds under each of the `lightings`.
+    """The scene to plan; the tolerance, or a material's own, must be met under each of the `lightings`.
 
     `tolerance` may be None where every material has its own.
     """

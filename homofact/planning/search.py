@@ -1,15 +1,16 @@
-"""Which rung to ask about next: bisection on a belief about the errors of the whole ladder.
+"""Choose the next rung to measure: bisection on a probabilistic model of the errors of the whole ladder.
 
-log(error/tolerance) of the rungs is taken as a Gaussian process over (method, log2 textures, log2 size): a level of
-the material, one of each method, slopes with textures and size, a remainder that neighbours of one method share, and
-the luck of the fit, which its two storages have in common.
-Every answer moves all of it, so that a failed rung speaks against smaller ones of its method and, less, of the others.
-The next question is the cheapest rung by which half of the chance to find the answer lies: bisection, on a front that
-need not be monotone. It ends when the chance that any cheaper rung meets the tolerance falls under `DOUBT`.
+log(error/tolerance) of the rungs is modelled as a Gaussian process over (method, log2 textures, log2 size). It is the
+sum of a level of the material, a level of each method, slopes with textures and size, a remainder that is correlated
+between neighbours of one method, and the random error of a fit, which its two storages share. Every measurement updates
+all predictions, so that a failed rung lowers the chances of smaller rungs of its method and, less, of the other
+methods. In order of cost, the next rung to measure is the one up to which half of the total chance of success lies.
+This is bisection without the assumption that errors are monotone. It ends when the chance that any cheaper rung meets
+the tolerance falls below `DOUBT`.
 
-The figures of the prior are in units of log error, rounded from fits of analytic materials; the rest is as large as
-the luck of a search that time ends (one of three textures may come out worse than one of two). Nothing is taken for met
-that was not measured.
+The parameters of the prior are in units of log error, rounded from fits of analytic materials. The random error is as
+large as the scatter of searches that end by their time limit: a search with three textures may be worse than one with
+two. A rung counts as meeting the tolerance only after it was measured.
 """
 
 import math
@@ -43,13 +44,13 @@ COLOUR_MEAN = 1.5
 
 @dataclass(frozen=True)
 class LadderOutcome:
-    """What asking a rung brought: its error, bytes and fetches, and how many textures it came out with.
+    """The outcome of measuring a rung: its error, bytes and fetches, and how many textures its fit has.
 
     For several limits and lightings, `error` is the largest error relative to its limit; `kind` and `lighting` name it,
-    and `value` is the error itself. A rung that meets all limits but is not `trusted`, where it must be, counts as one
-    of the error `UNTRUSTED` when larger ones are sought, but is nearer than any that misses a limit. `excess` is the
-    sum of the logarithms of the errors beyond their limits, over all limits and lightings: a limit that nothing meets
-    does not hide the others. None takes that of `error` alone.
+    and `value` is the error itself. If the tolerance requires a trusted verdict, a rung that meets all limits but is
+    not `trusted` has the error `UNTRUSTED` in the search for larger rungs. It still ranks before any rung that misses a
+    limit. `excess` is the sum of log(error/limit) of all missed limits, over all lightings, so that a limit that no
+    rung meets does not hide the others. If it is None, it is computed from `error` alone.
     """
 
     error: float
@@ -71,9 +72,9 @@ class LadderOutcome:
 
 @dataclass
 class Walk:
-    """A search over a ladder: the answers so far in the order of asking; `choice` is None where none met the need.
+    """A search over a ladder: the outcomes in order of measurement; `choice` is None if no rung is in the budget.
 
-    `stepped` is true once larger rungs than the choice were measured for one that errs less (`planning.neighbours`).
+    `stepped` is true after larger rungs than the choice were measured, to find a smaller error (`planning.neighbours`).
     """
 
     tolerance: float
@@ -84,11 +85,11 @@ class Walk:
 
     @property
     def fits(self) -> int:
-        """Fits that the questions took."""
+        """Return the number of fits for the measured rungs."""
         return fits_among(self.asked)
 
     def kept(self, candidate: Candidate) -> Candidate:
-        """Return the rung with as many textures as a search kept, which may be fewer than it was allowed."""
+        """Return the rung with the number of textures that a search used, which may be fewer than allowed."""
         answer = self.asked.get(candidate)
         if answer is None or candidate.method != Search.name or not answer.terms:
             return candidate
@@ -110,12 +111,13 @@ def walk(
     light_reads: Mapping[str, int] | None = None,
     before: Callable[[Candidate, int | None], object] = lambda candidate, most: None,
 ) -> Walk:
-    """Return the cheapest rung that meets the tolerance within the budget, by asking as few as may be.
+    """Return the cheapest rung that meets the tolerance within the budget, by measuring as few as possible.
 
-    Cheapest is fewest bytes, then fewest fetches, then fewest reads of the light (`light_reads` by method). Where none
-    does, `choice` is the one nearest to it (`LadderOutcome.beyond`) that is within the budget (None if none is), or the
-    cheapest of those as near within `ALIKE`, and `met` is False. `before` is called before each question, with how many
-    more fits it may take, that one among them, where none is likely to meet the tolerance; else with None.
+    Cheapest is fewest bytes, then fewest fetches, then fewest reads of the light (`light_reads` by method). If no rung
+    meets the tolerance, `met` is False, and `choice` is the rung within the budget that is nearest to it
+    (`LadderOutcome.beyond`), or the cheapest of rungs that are equally near within `ALIKE`. It is None if no rung is
+    within the budget. `before` is called before each measurement with the rung. Its second argument is None, or, if no
+    rung is likely to meet the tolerance, the most fits that may still follow, including this one.
     """
     reads = light_reads or {}
     state = Walk(tolerance)
@@ -225,7 +227,7 @@ def _settled(candidate: Candidate, asked: Mapping[Candidate, LadderOutcome]) -> 
 
 
 def expected_errors(pool: Sequence[Candidate], asked: Mapping[Candidate, LadderOutcome]) -> list[float]:
-    """Return the median of the belief about the errors of rungs, given the answers."""
+    """Return the median predicted errors of rungs, given the outcomes."""
     return _belief(pool, asked, 1.0)[0].exp().tolist()
 
 

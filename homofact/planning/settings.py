@@ -1,4 +1,4 @@
-"""What a plan's fits are given, apart from the fits themselves, so that help loads no torch."""
+"""Settings of a plan's fits, in a module of their own so that the command help does not load torch."""
 
 from dataclasses import dataclass
 

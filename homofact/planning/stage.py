@@ -1,11 +1,12 @@
 """The test scene of representations: lit spheres from random views, evaluated at nodes instead of pixels.
 
-`VIEWS` views lie evenly round the sphere (a spiral of equal areas), turned at random by a seed. A view's nodes are
-`NODES` normals in a spiral, evenly in cosθo, so that the rim has nodes too (except the outermost quarter percent of
-the disc, cosθo < `RIM`, which no picture resolves), and a patch of nodes round the mirror image of each small light.
-The rings of a patch grow like t⁴, so the patch integrates a highlight of any width with any number of nodes. A smooth
-window, 1 up to `WINDOW[0]` and 0 beyond `WINDOW[1]`, blends the two sets. Each node's `weight` is its share of the
-disc. Small lights are directional lights, and texels of a map that each contain `SPOT` of its flux.
+`VIEWS` views lie evenly round the sphere (a spiral of equal areas), turned at random by a seed. The nodes of a view are
+`NODES` normals in a spiral, evenly spaced in cosθo so that the rim has nodes too, plus a patch of nodes around the
+reflection of each small light. Only the outermost quarter percent of the disc, cosθo < `RIM`, which no picture
+resolves, has no nodes. The rings of a patch grow like t⁴, so the patch integrates a highlight of any width with any
+number of nodes. A smooth window, 1 up to `WINDOW[0]` and 0 beyond `WINDOW[1]`, blends the two sets. Each node's
+`weight` is its share of the disc. Small lights are directional lights, and texels of a map that each contain `SPOT` of
+its flux.
 
 Directional lights are evaluated at the nodes, environments by `rendering.filtered`, which draws no directions and so
 makes no noise. From afar, `pixels` across the sphere, radiance is averaged over the nodes of each pixel: a pixel then
@@ -109,7 +110,7 @@ class SphereView:
 
 @dataclass(frozen=True)
 class Stage:
-    """A lighting and the views of it; made once, whatever is looked at."""
+    """A lighting and the views under it; one stage serves all materials."""
 
     lighting: Lighting
     views: tuple[SphereView, ...]
@@ -121,12 +122,12 @@ class Stage:
 
     @cached_property
     def above_nine_terms(self) -> tuple[Tensor, ...]:
-        """The irradiance (N, C) at the normals of each view that the nine terms of the harmonics do not hold."""
+        """Return the irradiance (N, C) at each view's normals beyond the nine terms of the harmonics."""
         light = self.lighting
         return tuple(light.irradiance(view.normals, None) - light.irradiance(view.normals, 2) for view in self.views)
 
     def white(self, channels: tuple[str, ...]) -> list[Tensor]:
-        """As `draw` of a white diffuse sphere: drawn once, whichever materials are measured against it."""
+        """Return `draw` of a white diffuse sphere, computed once for all materials."""
         if channels not in self._white:
             self._white[channels] = self.draw(Lambert((1.0,) * len(channels), channels=channels))
         return self._white[channels]

@@ -1,13 +1,12 @@
-"""What a lighting leaves of a lobe: the orders that are needed, and the error of one colour, before any fit.
+"""Predict, before any fit, which orders of a lobe a lighting needs, and the error of one colour.
 
 Averaged over all turnings of the lighting, the mean square of B = ∫ L g, g(ωi) = f cosθi at one view, is
 Σ_l w_l e_l with w_l = E_l/(2l+1), E_l and e_l the energies by order of lighting and lobe (`scene.lighting`). The same
-holds for the difference of two lobes, so that the relative error of the reflected light of one colour is known, mean
-over all turnings. Of textures no such figure is given: how much of a lobe they hold hangs on where their projections
-point and how these are stretched, and a bound by the orders that evenly spaced texels carry was within a factor of two
-of the measured error in 43 of 118 fits.
-K terms of an in-out SVD carry orders up to √(2K) − 1 (Mahajan et al. 2008: 2l+1 equal eigenvalues an order on the
-sphere, half of them on the hemisphere).
+holds for the difference of two lobes, so the relative error of the light that one colour reflects is known as a mean
+over all rotations. There is no such prediction for textures: their error depends on the directions and the stretching
+of their projections. A bound from the orders that evenly spaced texels represent was within a factor of two of the
+measured error in only 43 of 118 fits. K terms of an in-out SVD carry orders up to √(2K) − 1 (Mahajan et al. 2008: 2l+1
+equal eigenvalues an order on the sphere, half of them on the hemisphere).
 """
 
 import math
@@ -46,12 +45,12 @@ class Lobes:
 
 
 def excitation(lighting: Lighting) -> Tensor:
-    """w_l = E_l/(2l+1): what one unit of a lobe's energy at order l adds to the mean square reflected, (ORDER+1,)."""
+    """Return w_l = E_l/(2l+1) (ORDER+1,): the mean square of the light per unit of a lobe's energy at order l."""
     return lighting.energies / (2 * torch.arange(ORDER + 1, dtype=torch.float64) + 1)
 
 
 def mean_square(lobes: Tensor, lighting: Lighting) -> Tensor:
-    """w_l e_l by order (ORDER+1,), the mean over views and the sum over channels of lobes (V, (ORDER+1)², C)."""
+    """Return w_l e_l by order (ORDER+1,), averaged over views and summed over channels of the lobes."""
     return excitation(lighting) * torch.stack([energy_by_order(lobe).sum(1) for lobe in lobes]).mean(0)
 
 
@@ -68,7 +67,7 @@ def order_needed(lobes: Lobes, lighting: Lighting, error: float) -> int:
 
 
 def terms_needed(order: int) -> int:
-    """Terms of an in-out SVD that carry orders up to this one: (order+1)²/2, at least 1."""
+    """Return how many terms of an in-out SVD represent all orders up to this one: (order+1)²/2, at least 1."""
     return max(1, math.ceil((order + 1) ** 2 / 2))
 
 

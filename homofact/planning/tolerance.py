@@ -1,12 +1,12 @@
-"""What a plan may be off by: kinds of error, limits on them, and the margins that are kept for other views.
+"""The tolerance of a plan: kinds of error, limits on them, and the margins for other views.
 
 * `cole`: mean squared error of logarithms on held-out samples; the lighting does not matter to it;
 * `delta_e`, `delta_e_p95`, `delta_e_peak`: CIEDE2000 of a lit sphere's pixels in one view, their mean, 95th percentile
   and greatest, each in the evaluated view where it is largest;
-* `reflected`: √(Σ |B − B̂|²/Σ |B|²) of the radiance, over the pixels and channels of a view, root mean square of the
-  views: each counts alike, or the one that faces a light at grazing angles would decide alone;
-* `delta_e_study`: mean CIEDE2000 of a sphere under the light of the study of opinions (`evaluation.opinion`), by which
-  the grade that people would give is known; the scene's lighting does not matter to it.
+* `reflected`: √(Σ |B − B̂|²/Σ |B|²) of the radiance, over the pixels and channels of a view, then RMS over the views.
+  All views have the same weight; otherwise a view with light at grazing angles would dominate;
+* `delta_e_study`: mean CIEDE2000 of a sphere under the light of the study of opinions (`evaluation.opinion`), which
+  predicts the grade that people would give; the scene's lighting does not affect it.
 
 The planner evaluates only some views, and coarsely. A limit is met if the error times `MARGINS` is within it. The
 margins are set so that 95% of the plans that meet their limits also meet them in unseen views
@@ -47,7 +47,7 @@ NAMED = ("visible",)
 
 @dataclass(frozen=True)
 class Errors:
-    """The errors of one representation under one lighting, by kind (CIEDE2000 units, else none); NaN if not asked."""
+    """The errors of one representation under one lighting, by kind (`delta_e*`: CIEDE2000); NaN if unmeasured."""
 
     cole: float = math.nan
     delta_e: float = math.nan
@@ -57,13 +57,13 @@ class Errors:
     delta_e_study: float = math.nan
 
     def of(self, kind: str) -> float:
-        """Return the error that a tolerance of this kind speaks of."""
+        """Return the error of this kind."""
         return float(getattr(self, kind))
 
 
 @dataclass(frozen=True)
 class Used:
-    """How much of a tolerance an error uses: `ratio` is margin · error over limit, met up to 1."""
+    """The used share of a limit: `ratio` is margin · error/limit; the limit is met if it is at most 1."""
 
     ratio: float
     kind: str
@@ -79,7 +79,7 @@ class Tolerance:
 
     @classmethod
     def named(cls, name: str) -> "Tolerance":
-        """Return the tolerance of a name of `NAMED`. Raises BadInput for another name."""
+        """Return the tolerance called `name`, one of `NAMED`. Raises BadInput for another name."""
         if name not in NAMED:
             raise BadInput(where="tolerance", found=repr(name), expected=f"one of {', '.join(NAMED)}")
         # It loads torch, and the commands read this module before they show any progress.
@@ -89,7 +89,7 @@ class Tolerance:
 
     @classmethod
     def of(cls, *, trusted: bool = False, **limits: float) -> "Tolerance":
-        """By name: Tolerance.of(delta_e=1, delta_e_peak=10)."""
+        """Make a tolerance from limits by kind: Tolerance.of(delta_e=1, delta_e_peak=10)."""
         return cls(tuple(limits.items()), trusted)
 
     @property
@@ -99,7 +99,7 @@ class Tolerance:
 
     @property
     def of_light(self) -> bool:
-        """Whether some limit is on light of the scene: then the lighting matters, and one colour is fitted to it."""
+        """Return whether a limit is on light of the scene; one colour is then fitted to the light."""
         return any(kind not in UNLIT for kind in self.kinds)
 
     def uses(self, errors: Errors) -> tuple[Used, ...]:
@@ -109,7 +109,7 @@ class Tolerance:
         )
 
     def used(self, errors: Errors) -> Used:
-        """Return the limit that the errors use most of."""
+        """Return the limit with the largest used share."""
         return max(self.uses(errors), key=lambda part: part.ratio)
 
     def describe(self) -> str:

@@ -4,17 +4,22 @@ The reference at a vertex is the exact sum over all texels of a cube map, with t
 the visibility of each texel: B = Σ_j L_j f(ω_j, ωo) V_j cosθ_j Δω_j. Errors are relative RMS errors over the vertices
 that the eye sees, weighted by their area in the picture, over all channels: √(Σ|B̂ − B|²/Σ|B|²).
 
-    terms K terms of f on maps of 128 × 128 texels, against f lobe the separate lobe, as it is summed, against the sum
-    over every texel suns the light of suns by tables, against the reflectance at 64 directions of each disc; `lamps`
-    likewise bounce light between surfaces as if they were matt, against that of the reflectances themselves maps the
-    same terms read from maps of M × M texels normals with a normal map, instead of `terms` and `maps`: terms under
-    tilted normals against the reflectance cube the reference on this cube map against one of `FINE` times as many
-    texels along a face truncation only the kept wavelet coefficients of the transport, not rounded quantisation the
-    kept coefficients as 16-bit numbers harmonics low orders of the light instead of wavelets clusters means and
-    components instead of every vertex's own transport interpolation a picture's points between vertices against the
-    vertices' own light mixed over the triangle together all approximations in use against the reference rim the same
-    where cosθo is below `seen.RIM` picture the same at pixels of the camera, whose light is mixed between vertices: the
-    whole error
+    terms         K terms of f on maps of 128 × 128 texels, against f
+    lobe          the separate lobe, as it is summed, against the sum over every texel
+    suns          the light of suns by tables, against the reflectance at 64 directions of each disc
+    lamps         the light of lamps, likewise
+    bounce        light between surfaces as if they were matt, against that of the reflectances themselves
+    maps          the same terms read from maps of M × M texels
+    normals       with a normal map, instead of `terms` and `maps`: terms under tilted normals against the reflectance
+    cube          the reference on this cube map against one of `FINE` times as many texels along a face
+    truncation    only the kept wavelet coefficients of the transport, not rounded
+    quantisation  the kept coefficients as 16-bit numbers
+    harmonics     low orders of the light instead of wavelets
+    clusters      means and components instead of every vertex's own transport
+    interpolation a picture's points between vertices against the vertices' own light mixed over the triangle
+    together      all approximations in use against the reference
+    rim           the same where cosθo is below `seen.RIM`
+    picture       the same at pixels of the camera, whose light is mixed between vertices: the whole error
 
 If a lobe is separate, the stages terms, maps, truncation and so on measure the rest of f, relative to the light of all
 of f. This light includes that of suns, lamps and a bounce, if there are any. `psnr`, in dB, compares the pixels of

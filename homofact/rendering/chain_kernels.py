@@ -1,19 +1,20 @@
-"""How the levels of a sky's chain average light: round kernels, of powers of the cosine or of GGX's half vectors.
+"""The kernels by which levels of a sky's chain average light: powers of the cosine, or GGX half vectors.
 
 A level of our own chain (`rendering.sky_chain`) weighs light at an angle γ from its direction by a power of the cosine,
 
     K(γ) = (p + 1)/(2π) cosᵖγ,   0 ≤ γ < π/2,   p = 1/α²,   ∫ K dω = 1,
 
-about a Gaussian of standard deviation α radians both ways; α = 1 is the cosine, of which the light is E/π.
+which is close to a Gaussian with a standard deviation of α radians along each axis. For α = 1 it is the cosine kernel,
+and the averaged light is E/π.
 
-Engines filter their skies by GGX as seen from its normal (Karis 2013): light at γ is mirrored by half vectors at γ/2
-and weighted, by the cosine or by Smith's masking and shadowing G. With α = roughness²
+Engines filter their skies by GGX for a viewer along the normal (Karis 2013). Light at γ is reflected by half vectors at
+γ/2, and weighted by the cosine or by Smith's masking and shadowing G. With α = roughness²
 
     K(γ) ∝ D(γ/2) w(γ),   D(γ/2) ∝ 1/(1 + α² − (1 − α²) cosγ)²,   0 ≤ γ < π/2,
     w(γ) = cosγ   or   w(γ) = G = 2 cosγ/(cosγ + √(α² + (1 − α²) cos²γ)).
 
-With the cosine roughness 1 is the cosine's kernel too. A level of roughness 0 is the sky itself, whose texels are the
-kernel.
+With the weight cosγ, roughness 1 also gives the cosine kernel. A level of roughness 0 is the sky itself, whose texels
+act as the kernel.
 """
 
 import math
@@ -29,8 +30,8 @@ _NODES = 256
 class ChainKernels:
     """The kernels of a chain's levels by ascending α: powers of the cosine, or GGX weighted by "cosine" or "Smith".
 
-    A GGX kernel narrower than `least` is a power of the cosine of that α: a texel of the first level. The last level,
-    of α = 1, is the irradiance.
+    `least` is the width of a texel of the first level; a GGX kernel narrower than that is replaced by a power of the
+    cosine with α = `least`. The last level, with α = 1, is the irradiance over π.
     """
 
     alphas: tuple[float, ...]
@@ -58,7 +59,7 @@ def cosine_power(alpha: float, gamma: np.ndarray) -> np.ndarray:
 
 
 def ggx_kernels(roughnesses: tuple[float, ...], least: float, weight: str = "cosine") -> ChainKernels:
-    """Those of an engine's chain whose levels have these roughnesses, the last one 1; `least` is a texel in radians."""
+    """Return the kernels of an engine's chain for these roughnesses, the last 1; `least` is a texel in radians."""
     return ChainKernels(tuple(roughness**2 for roughness in roughnesses), weight, least)
 
 

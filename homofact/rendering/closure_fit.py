@@ -4,11 +4,11 @@ For viewers at every θo the closures minimise the error under natural skies of 
 
     E(Δ) = ∫∫ Δ(ω) G(ω·ω') Δ(ω') dω dω' + FLAT ∫ Δ² dω,   G(cosγ) = −ln((1 − cosγ)/2)/(4π) + a constant,
 
-Δ the difference in f cosθi, integrated by the nodes of `geometry.quadrature`. FLAT is the part of small lamps; a
-constant in G does not matter, because the closures reflect as much light as the material for every θo and channel, so
-that uniform light is exact. The weights are ≥ 0 and follow directly from the lobes' shapes. Nelder and Mead's simplex
-searches the shapes, starting in the middle, from there to the normal and to the horizon, and at every θo from the
-shapes found for its neighbour. A small penalty on changes keeps lobes without weight from drifting.
+Δ the difference in f cosθi, integrated by the nodes of `geometry.quadrature`. FLAT represents small lamps. The closures
+reflect as much light as the material for every θo and channel, so they are exact under uniform light and a constant in
+G does not matter. The weights are ≥ 0 and are solved directly for given shapes of the lobes. Nelder and Mead's simplex
+searches the shapes. It starts at a middle θo and proceeds to the normal and to the horizon, at every θo from the shapes
+of the neighbouring angle. A small penalty on changes keeps lobes without weight from drifting.
 """
 
 import math
@@ -54,9 +54,9 @@ _SELF = 0.61 / (8 * math.pi)  # of a cell's solid angle: the mean of lnγ² with
 
 
 def closures_of(reflectance: Reflectance, lobes: int = LOBES, to_rgb: ToRgb | None = None) -> Closures:
-    """The sum of a Lambertian closure and so many lobes, 1 to 3.
+    """Fit the sum of a Lambertian closure and `lobes` lobes, 1 to 3.
 
-    Raises BadInput for channels that do not fit, values that are not finite, and what reflects nothing.
+    Raises BadInput for unsuitable channels, values that are not finite, and a material that reflects nothing.
     """
     shade = shader(reflectance, to_rgb)
     isotropic = find_symmetry(reflectance).isotropic

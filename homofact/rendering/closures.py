@@ -1,19 +1,20 @@
-"""A sum of closures, as renderers have them that integrate skies themselves: one Lambertian, and lobes of GGX.
+"""A sum of closures for renderers that integrate skies themselves: one Lambertian, and lobes of GGX.
 
     f(ωi, ωo) = w0/π + Σk wk Gk(ωi, ωo),    G = D(h) G2(ωi, ωo)/(4 (n·ωi) (m·ωo)),    k = 1 … K,
 
-D of Trowbridge and Reitz (GGX), G2 Smith's masking and shadowing, correlated by the height (Heitz 2014, equation 99),
-both about the closure's own normal m, without a Fresnel term. This is Blender's node Glossy BSDF with the distribution
-GGX: with roughness r and anisotropy a ≥ 0, α is r² (1 − a) along the tangent and r²/(1 − a) across, at most 1; with
-a < 0 the two are exchanged. The tangent is the viewer's azimuth, so that a lobe can be longer or shorter in the plane
-of incidence; of an anisotropic material it is a direction in the surface. The normal leans towards the viewer by s,
+where D is the distribution of Trowbridge and Reitz (GGX) and G2 Smith's height-correlated masking and shadowing (Heitz
+2014, equation 99), both about the closure's own normal m. There is no Fresnel term. This is Blender's node Glossy BSDF
+with the distribution GGX: with roughness r and anisotropy a ≥ 0, α is r² (1 − a) along the tangent and r²/(1 − a)
+across, at most 1; with a < 0 the two are exchanged. The tangent is the viewer's azimuth, so that a lobe can be longer
+or shorter in the plane of incidence. For an anisotropic material the tangent is a direction in the surface. The normal
+leans towards the viewer by s,
 
     m = norm(n + s (ωo − n)),
 
-s = 0 for a mirror's direction, and 1 for the way back. Light from below m is not reflected.
+where s = 0 gives the mirror direction and s = 1 retroreflection. Light from below m is not reflected.
 
-The weights w per channel, and r, a and s, depend on cosθo; of an anisotropic material the weights depend on the azimuth
-of ωo as well. They are linear between the entries of tables. The sum is therefore not reciprocal.
+The weights w, one per channel, and r, a and s depend on cosθo. For an anisotropic material the weights also depend on
+the azimuth of ωo. All are interpolated linearly in tables. The sum is therefore not reciprocal.
 """
 
 import math
@@ -31,15 +32,15 @@ ROUGHNESS, ANISOTROPY, LEAN = range(3)
 
 @dataclass(frozen=True)
 class Closures:
-    """The sum of the module's head.
+    """The sum of closures that the module describes.
 
     Attributes
     ----------
     lobes : Tensor
         (COLUMNS, K, 3): roughness, anisotropy and lean at even steps of cosθo from 0 to 1.
     weights : Tensor
-        (T, COLUMNS, 1 + K, C), the Lambertian closure's first. T is 1, or the number of even places from −π to π of the
-        azimuth of ωo, both ends among them.
+        (T, COLUMNS, 1 + K, C), the Lambertian closure's first. T is 1, or the number of evenly spaced azimuths of ωo
+        from −π to π, both ends included.
     turn : float or None
         The azimuth of the closures' tangent in radians; None for the viewer's.
     channels : tuple of str

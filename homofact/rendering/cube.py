@@ -1,4 +1,4 @@
-"""A cube map with levels: where its texels look, and light read from it as a sampler reads it.
+"""A cube map with levels: the directions of its texels, and lookups as by a texture sampler.
 
 Faces have the order of KTX2, DDS, OpenGL, Direct3D and WebGPU: +x, −x, +y, −y, +z, −z. On each, s grows along a row and
 t from row to row, both from −1 to 1; with (s, t) the direction is, up to its length (OpenGL ES 3.0, table 3.21),

@@ -1,19 +1,21 @@
 """A sphere under an environment, without noise: filtered light instead of samples.
 
 The view is from far away and the tangents follow the sphere, so that the radiance depends on the normal alone: on θo
-and, of what is anisotropic, on the azimuth round the view. Light directions are counted from the half vector h as in
-`geometry.quadrature`, and split by a smooth window m(θh), 1 up to 3° and 0 beyond 10° (`lobe_patches.WINDOW`):
+and, for anisotropic materials, on the azimuth around the view. Light directions are counted from the half vector h as
+in `geometry.quadrature`, and split by a smooth window m(θh), 1 up to 3° and 0 beyond 10° (`lobe_patches.WINDOW`):
 
-* the lobe, (f − b) m, b the least f where the window ends: patches in rings round h = n, fine at the centre. Each holds
-  the flux ∫ (f − b) cosθi m dωi of its part, from several values a patch, at some normals, linear between. At every
-  pixel a patch reads the environment once, averaged over somewhat more than its own solid angle
+* the lobe, (f − b) m, where b is the least f at the end of the window. It is divided into patches in rings around h =
+  n, fine at the centre. Each patch stores its flux ∫ (f − b) cosθi m dωi, from several values of f, at some normals,
+  and is interpolated linearly between them. At every pixel a patch looks up the environment once, averaged over
+  somewhat more than its own solid angle
   (`rendering.octahedral`);
-* the rest, f (1 − m) + b m, which is smooth: the environment as lamps, of `cells` a side where it is dark to where it
-  is bright, summed at all θo levels × `azimuths` normals; cubic round the sphere's axis, linear between levels.
+* the rest, f (1 − m) + b m, which is smooth: the environment is replaced by lamps, one per cell, on a grid whose
+  resolution lies between the two numbers of `cells`, finest where it is bright. The lamps are summed at normals of all
+  θo levels × `azimuths`. The sum is interpolated cubically around the sphere's axis and linearly between levels.
 
-What is lost is detail of f (1 − m) under some degrees, such as a narrow peak on the way back, a little sharpness of
-reflections at grazing angles, where patches are long and their averages round; and peaks several times narrower one way
-than the other fan out a little.
+The method loses detail of f (1 − m) finer than some degrees, such as a narrow retroreflective peak. At grazing angles,
+where patches are long and their averages round, reflections are slightly blurred. Peaks that are several times narrower
+along one axis than along the other spread a little.
 """
 
 import math
@@ -51,7 +53,7 @@ def draw_sphere(
     view: tuple[float, float, float] = (0.0, 0.0, 1.0),
     to_rgb: ToRgb | None = None,
 ) -> SphereImage:
-    """Return the sphere by `render_filtered` under one environment, else by `render_sphere`. Raises as they do."""
+    """Render the sphere by `render_filtered` if the light is one environment, else by `render_sphere`."""
     if isinstance(light, EnvironmentMap):
         return render_filtered(reflectance, light, size, view=view, to_rgb=to_rgb)
     return render_sphere(reflectance, light, size, view=view, to_rgb=to_rgb)
@@ -67,9 +69,9 @@ def render_filtered(
 ) -> SphereImage:
     """Return the sphere of `reflectance` in size × size pixels, laid out and coloured as by `render_sphere`.
 
-    However large the picture, 300,000 values of an isotropic material are asked for, half of them where it is mirrored
-    too (`brdf.symmetry` finds out), and two million of any other. Raises BadInput for channels that do not fit, and
-    reflectances that are not finite.
+    For every size of picture, an isotropic material is evaluated at 300,000 pairs, or half of them if it is also
+    mirror-symmetric (detected by `brdf.symmetry`). Any other material is evaluated at two million pairs. Raises
+    BadInput for channels that do not fit, and reflectances that are not finite.
     """
     return FilteredMaterial.of(reflectance, view=view, to_rgb=to_rgb).under(Surroundings.of(light, size, view))
 
@@ -77,9 +79,9 @@ def render_filtered(
 class Surroundings(NamedTuple):
     """The data of an environment for pictures of one size from one view, the same for every material.
 
-    `light` holds the environment itself; `places` (P,) and `azimuths` (P,) are θo and the azimuth round the view of the
-    normals of the covered pixels, `pixels` (P,) where they are; `lamps` (directions and lights, (K, 3) each)
-    approximate the whole environment.
+    `light` is the environment itself. `places` (P,) and `azimuths` (P,) locate the normals of the covered pixels, by θo
+    and by the azimuth around the view. `pixels` (P,) are the indices of these pixels. `lamps` (directions and lights,
+    (K, 3) each) approximate the whole environment.
     """
 
     light: EnvironmentMap
@@ -111,7 +113,7 @@ class Surroundings(NamedTuple):
     def at_normals(
         cls, light: EnvironmentMap, normals: torch.Tensor, view: tuple[float, float, float], fineness: Fineness = FULL
     ) -> "Surroundings":
-        """Return `light` at unit normals (P, 3) in the world, none turned away from the view: a picture of one row."""
+        """Return `light` for a one-row picture with unit normals (P, 3) in the world, all facing the view."""
         axes, count = view_axes(view), len(normals)
         coverage = torch.ones(1, count, dtype=torch.float64)
         return cls._around(light, coverage, torch.arange(count), normals @ axes.T, axes, fineness)
@@ -140,9 +142,10 @@ class Surroundings(NamedTuple):
 
 
 class FilteredMaterial(NamedTuple):
-    """All that pictures of a material from one view need of it, under whatever surroundings: it is asked but once.
+    """The data of a material for pictures from one view under any surroundings, so it is evaluated only once.
 
-    `around` is at how many azimuths the rest's light is summed; `channels` are the picture's, 1 or 3.
+    `around` is the number of azimuths at which the light of the rest is summed. `channels` is the number of channels of
+    the picture, 1 or 3.
     """
 
     lobe: PatchedLobe
@@ -159,7 +162,7 @@ class FilteredMaterial(NamedTuple):
         to_rgb: ToRgb | None = None,
         fineness: Fineness = FULL,
     ) -> "FilteredMaterial":
-        """Ask a material on the grids of `fineness`. Raises BadInput as `render_filtered`."""
+        """Evaluate a material on the grids of `fineness`. Raises BadInput as `render_filtered`."""
         axes, shade = view_axes(view), shader(reflectance, to_rgb)
         symmetry = find_symmetry(reflectance)
         grid = fineness.isotropic if symmetry.isotropic else fineness.anisotropic

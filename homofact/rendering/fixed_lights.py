@@ -1,8 +1,8 @@
-"""Lights that no file holds: a small round lamp, and a sky.
+"""Built-in lights without files: a small round lamp, and a sky.
 
-They are what pictures and their figures are made under beside `light.DEFAULT_LIGHT`: the lamp has its direction and
-irradiance but is 10° wide, so that a narrow highlight is a disc and not a point; the sky is white from above, dark from
-below, with a lamp 12° wide and a dimmer one behind.
+Besides `light.DEFAULT_LIGHT`, homofact uses them for pictures and error measures. The lamp has the direction and
+irradiance of `DEFAULT_LIGHT` but is 10° wide, so that a narrow highlight is a disc and not a point. The sky is white
+above and dark below, with a lamp 12° wide and a dimmer lamp behind.
 """
 
 import math
@@ -44,8 +44,9 @@ def lamp_map(
 ) -> EnvironmentMap:
     """Return a round lamp of even radiance, black around it, as a map of rows × 2 rows texels.
 
-    `direction` points to its middle, of any length above 0; `radius` in degrees, below 90; `irradiance` is that of a
-    surface that faces it. Texels on its edge have their share of it. Raises BadInput for numbers out of range.
+    `direction` points to its middle, of any length above 0; `radius` in degrees, below 90; `irradiance` is the
+    irradiance of a surface that faces the lamp. Texels on the edge of the lamp are partly lit. Raises BadInput for
+    numbers out of range.
     """
     length = math.hypot(*direction)
     if not (0 < length < math.inf and 0 < radius < 90 and 0 < irradiance < math.inf):

@@ -59,7 +59,7 @@ class DirectionalLight:
 
 @dataclass(frozen=True)
 class EnvironmentMap:
-    """A lat-long map, laid out as the module's head says.
+    """A lat-long map, laid out as described in the module's docstring.
 
     `radiance` is (rows, columns, C) float64, linear, ≥ 0, C 1 or 3; `turn` radians turn the whole
     surroundings about +y, from +z towards +x; `name` is for captions.
@@ -110,9 +110,9 @@ class EnvironmentMap:
         return level[texel], self._means[texel] / self._running[-1]
 
     def between(self, directions: Tensor) -> Tensor:
-        """Return radiance (..., C) of unit world directions (..., 3), straight lines between texels' centres.
+        """Return radiance (..., C) in unit world directions (..., 3), interpolated between texel centres.
 
-        It is for backgrounds, in which texels would be seen; light is that of `look_up`.
+        Use it for backgrounds, where texels would be visible. For lighting, use `look_up`.
         """
         rows, columns, _ = self.radiance.shape
         x, y = self._place(directions.to(self.radiance))
@@ -136,9 +136,9 @@ class EnvironmentMap:
     def draw(self, points: Tensor) -> Tensor:
         """Return unit world directions (..., 3) of points (..., 2) of the unit square.
 
-        Their density is the map's radiance (mean of the channels) over its integral: the first coordinate
-        picks the texel by the running sum and the place along the row, the second the place across it,
-        uniform in solid angle.
+        Their density is the map's radiance (mean of the channels) over its integral: the first coordinate picks the
+        texel by the cumulative sum, and the position along the row. The second coordinate picks the position across the
+        row, uniform in solid angle.
         """
         rows, columns, _ = self.radiance.shape
         running = self._running

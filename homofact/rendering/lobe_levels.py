@@ -1,14 +1,14 @@
-"""How like two lobes are under skies as they are: the measure by which a material's lobes are put on a chain's levels.
+"""The error of lobes under natural skies, which chooses the levels of a chain for a material's lobes.
 
 In natural surroundings light of angular frequency l has variances that fall as 1/(l (l + 1)) (Dror et al. 2004: as l⁻²
 and a little more). Under such skies the mean square of what a difference Δ of two lobes of equal flux reflects is
 
     E(Δ) = Σ Δlm²/(l (l + 1)) = ∫∫ Δ(ω) G(ω·ω') Δ(ω') dω dω',   G(cosγ) = Σ_{l ≥ 1} (2l + 1)/(4π l (l + 1)) Pl(cosγ),
 
-G the Green's function of the sphere. A lobe that is turned by much less than its width is then nearly right, which the
-plain square of Δ would not see. Lamps are smaller than that says: for the chains of engines, whose shares have any
-sign, `FLAT` is added to 1/(l (l + 1)), the even spectrum of points of light. With the Legendre coefficients kl of the
-chain's kernels K (`rendering.chain_kernels`)
+where G is the Green's function of the sphere. A lobe that is rotated by much less than its width then has a small
+error; the plain integral of Δ² would penalise it. Lamps are smaller than this spectrum assumes. For the chains of
+engines, whose shares may be negative, `FLAT` is therefore added to 1/(l (l + 1)): the flat spectrum of point lights.
+With the Legendre coefficients kl of the chain's kernels K (`rendering.chain_kernels`)
 
     potential  φk(γ) = ∫ G K dω = Σ (2l + 1)/(4π l (l + 1)) kl Pl(cosγ),
     overlap    Qjk(γ) = Σ (2l + 1)/(4π l (l + 1)) jl kl Pl(cosγ)
@@ -76,7 +76,7 @@ def _between(table, level, cosine):  # pragma: no cover (compiled)
 
 @kernel(nogil=True, fastmath=True)
 def pull_of(axis, level, wi, flux, potential):  # pragma: no cover (compiled)
-    """∫∫ K G f cosθi of the kernel at a level round an axis (3,) and of the flux (M, C) from `wi` (M, 3): (C,).
+    """Return ∫∫ K G f cosθi (C,) of a level's kernel around an axis (3,) and the flux (M, C) from `wi` (M, 3).
 
     The angle is found by a polynomial (Abramowitz and Stegun 1964, 4.4.46), to 2e-8 radians: a loop without calls and
     branches takes several nodes at once.
@@ -105,12 +105,12 @@ def pull_of(axis, level, wi, flux, potential):  # pragma: no cover (compiled)
 
 @kernel(nogil=True)
 def energy(axes, levels, wi, flux, whole, potential, overlap, signed):  # pragma: no cover (compiled)
-    """(E less a constant, the best shares (K + 1, C)) of lobes of `levels` (K,), and of the last level round n.
+    """Return (E minus a constant, best shares (K + 1, C)) of lobes at `levels` (K,), and of the last level at n.
 
-    E is the mean over T azimuths of the viewer, at each of which the lobes stand round unit `axes` (T, K, 3), and the
-    material's own flux (T, M, C) comes from `wi` (M, 3). `whole` (2, C) are the means of all azimuths of its sum, the
-    albedo, and of its `pull` on the last level round n. The shares add up to the albedo in every channel; they are ≥ 0
-    unless `signed`.
+    E is the mean over T azimuths of the viewer, at each of which the lobes have unit `axes` (T, K, 3), and the
+    material's own flux (T, M, C) comes from `wi` (M, 3). `whole` (2, C) has two means over all azimuths: the sum of the
+    flux, which is the albedo, and the result of `pull_of` for the last level around n. The shares add up to the albedo
+    in every channel; they are ≥ 0 unless `signed`.
     """
     turns, lobes = axes.shape[0], axes.shape[1]
     count, channels, last = lobes + 1, flux.shape[2], len(potential) - 1.0
@@ -152,9 +152,10 @@ def energy(axes, levels, wi, flux, whole, potential, overlap, signed):  # pragma
 
 @kernel(nogil=True)
 def shared(between, pull, whole, signed):  # pragma: no cover (compiled)
-    """(the least w·Q w − 2 w·b of w with the sum `whole`, w): of w ≥ 0 the best of all sets of shares that are not 0.
+    """Return (minimum of w·Q w − 2 w·b with the sum of w equal to `whole`, w), by trying all sets of w > 0.
 
-    Of `signed` w the least with `RIDGE` Σ Qkk wk² added: two nearly equal lobes do not grow against each other.
+    If `signed`, w may be negative, and `RIDGE` Σ Qkk wk² is added, so that two nearly equal lobes do not get large
+    weights of opposite sign.
     """
     count = len(pull)
     best, best_shares = math.inf, np.zeros(count)

@@ -25,9 +25,10 @@ _BATCH = 1 << 17
 
 
 class PatchGrid(NamedTuple):
-    """At how many θo (`levels`) and azimuths round the view (`turns`) a material is asked, and how finely.
+    """The numbers of θo (`levels`) and azimuths around the view (`turns`) of a material's grid, and its fineness.
 
-    `rings` × `spokes` of patches round the lobe, `finer` values a patch along its radius; `rest` steps of θh/θmax, φh.
+    There are `rings` × `spokes` patches around the lobe, with `finer` values per patch along the radius. `rest` has the
+    numbers of steps of θh/θmax and φh.
     """
 
     levels: int
@@ -61,7 +62,7 @@ COARSE = Fineness(PatchGrid(36, 1, 16, 16, 2, 24), PatchGrid(12, 12, 12, 12, 2, 
 
 
 class PatchedLobe(NamedTuple):
-    """Patches J of each level: `flux` (L, A, J, 3), where they lie, and how wide the light there is averaged.
+    """J patches per level: `flux` (L, A, J, 3), their directions, and the widths of their averages of light.
 
     `towards` (L, J, 3) are in the frame (e, e × v, v), v towards the viewer, e ⟂ v to the normal's side; `size` (L, J)
     is half the binary logarithm of a solid angle.
@@ -73,7 +74,7 @@ class PatchedLobe(NamedTuple):
 
 
 class PatchedMaterial(NamedTuple):
-    """What is drawn: f, where it is asked, the azimuths φo (L, A) of the viewer there, and whether half tells all."""
+    """A material to draw: f, its grid, the viewer's azimuths φo (L, A), and whether half of the grid suffices."""
 
     shade: Shade
     grid: PatchGrid
@@ -81,7 +82,7 @@ class PatchedMaterial(NamedTuple):
     mirrored: bool
 
     def asked(self, wi: Tensor, wo: Tensor, use: Tensor) -> Tensor:
-        """f (A, L, R, S, 3) where `use` (L, R, S) says, else 0, at directions (L, R, S, 3), the viewer at azimuth 0."""
+        """Evaluate f (A, L, R, S, 3) where `use` (L, R, S) is true, else 0, at directions (L, R, S, 3)."""
         values = torch.zeros(self.turns.shape[1], *wi.shape, dtype=torch.float64)
         for number, turn in enumerate(self.turns.unbind(1)):
             angle = turn[:, None, None].expand(use.shape)[use]

@@ -1,13 +1,13 @@
 """The search for the lobes of one viewer: Nelder and Mead's simplex, compiled together with what it minimises.
 
-The searched numbers x of K lobes are a level and a tilt for each; of an anisotropic material five: level and tilt of a
-middle lobe, then level, tilt and spread of two equal ones on both sides of it. What is minimised is
+The searched numbers x of K lobes are a level and a tilt for each; for an anisotropic material five: level and tilt of a
+middle lobe, then level, tilt and spread of two equal lobes on both sides of it. The search minimises
 
     E/scale + Σ |x − clip(x)| + SMOOTH Σ price (x − x')²,
 
-E of `rendering.lobe_levels`, x' the numbers of the neighbouring viewer, if there is one. The simplex moves as
-scipy.optimize's does (Nelder and Mead 1965; Lagarias et al. 1998), which spends more time on calling such a small
-function than the function takes.
+where E is that of `rendering.lobe_levels` and x' are the numbers of the neighbouring viewer, if there is one. The
+simplex moves as that of scipy.optimize (Nelder and Mead 1965; Lagarias et al. 1998). It is compiled here because scipy
+would need more time for the calls than for the function itself.
 """
 
 import math
@@ -23,10 +23,10 @@ CLOSE, FLAT_ENOUGH = 1e-3, 1e-7  # of the simplex, in x and in value, where the 
 
 
 class Seen(NamedTuple):
-    """What viewers at θo see, as `energy` expects it, in the frame where each is at azimuth 0.
+    """The flux of a material for viewers at one θo, as input of `energy`, with each viewer at azimuth 0.
 
-    `grains` (T, 3) are g, `towards` (M, 3) ωi, `flux` (T, M, C) f cosθi dω; `whole` (2, C) the means of all azimuths of
-    its sum, the albedo, and of its pull on the last level.
+    `grains` (T, 3) are g, `towards` (M, 3) ωi, and `flux` (T, M, C) f cosθi dω. `whole` (2, C) has two means over all
+    azimuths: the sum of the flux, which is the albedo, and its `pull_of` for the last level.
     """
 
     theta: float
@@ -83,7 +83,7 @@ def axes_of(theta, grains, lobes):  # pragma: no cover (compiled)
 
 @kernel(nogil=True)
 def reflected(x, seen, known, bounds):  # pragma: no cover (compiled)
-    """(E less a constant, the best shares (K + 1, C)) of the lobes with these numbers."""
+    """Return (E minus a constant, the best shares (K + 1, C)) of the lobes with these numbers."""
     lobes = lobes_of(x, bounds.paired)
     axes, levels = axes_of(seen.theta, seen.grains, lobes), lobes[:, 0].copy()
     return energy(axes, levels, seen.towards, seen.flux, seen.whole, known.potential, known.overlap, bounds.signed)
@@ -91,7 +91,7 @@ def reflected(x, seen, known, bounds):  # pragma: no cover (compiled)
 
 @kernel(nogil=True)
 def value_of(x, before, scale, seen, known, bounds):  # pragma: no cover (compiled)
-    """What is minimised; `before` (n,) are the neighbour's numbers, (0,) if there is none."""
+    """Return the minimised value; `before` (n,) are the neighbour's numbers, (0,) if there is none."""
     value = reflected(x, seen, known, bounds)[0] / scale
     for k in range(len(x)):
         value += max(bounds.least[k] - x[k], 0.0) + max(x[k] - bounds.most[k], 0.0)
@@ -102,7 +102,7 @@ def value_of(x, before, scale, seen, known, bounds):  # pragma: no cover (compil
 
 @kernel(nogil=True)
 def simplex(start, first, most, before, scale, seen, known, bounds):  # pragma: no cover (compiled)
-    """The numbers (n,) of the least value found from `start` with first steps `first` (n,), by `most` evaluations."""
+    """Minimise from `start` with first steps `first` (n,), within `most` evaluations; return the numbers (n,)."""
     count = len(start)
     corners, values = np.empty((count + 1, count)), np.empty(count + 1)
     for k in range(count + 1):

@@ -1,9 +1,9 @@
-"""Three skies that no file holds, for tests of lighting: a room with lamps, an overcast sky and a low sun.
+"""Three built-in skies for tests of lighting: a room with lamps, an overcast sky and a low sun.
 
 Radiance is linear and has no unit, y is up. None is measured: the overcast sky is the standard one of the CIE, three
-times as bright in the zenith as at the horizon (Moon and Spencer 1942), over dark ground; the others are made up to be
-hard: the room's rectangular lamps have sharp edges and are up to 200 times as bright as its walls, the sun is a disc of
-3° on a glow.
+times as bright in the zenith as at the horizon (Moon and Spencer 1942), over dark ground; the other two are made as
+hard test cases. The room's rectangular lamps have sharp edges and are up to 200 times as bright as its walls, and the
+sun is a disc of 3° on a glow.
 """
 
 import math

@@ -5,15 +5,15 @@
     homofact.rendering.mitsuba_bsdf.register()
     bsdf = mitsuba.load_dict({"type": "homofact", "filename": "out/blue_paint"})
 
-`filename` is a result's folder or its factorization.npz. Mitsuba's ωo, the sampled direction, is the light
-and its ωi the viewer where radiance is transported; where importance is, the other way round. `eval` contains the
-cosine, as Mitsuba expects. The material has a front only: put it into `twosided` for both. An anisotropic one needs a
-shape with texture coordinates, whose first gives the tangent.
+`filename` is a result's folder or its factorization.npz. When radiance is transported, Mitsuba's ωo, the sampled
+direction, points to the light, and its ωi to the viewer. When importance is transported, it is the other way round.
+`eval` contains the cosine, as Mitsuba expects. The material has only a front side; put it into `twosided` for both
+sides. An anisotropic material needs a shape with texture coordinates; u gives the tangent.
 
 `sampling` is "lobe", where light is drawn from the density that the exported shaders have too (`shading.lobe_mixture`),
 or "cosine", where it is drawn from the cosine alone. The texels, `texture_0` and so on in `mitsuba.traverse`
-(logarithms of a product, factors of a sum of products), can be differentiated. The density is not fitted again when
-they change: that costs noise, and the mean stays right.
+(logarithms of a product, factors of a sum of products), can be differentiated. When the texels change, the sampling
+density is not fitted again. This adds noise, but the mean stays correct.
 
 The channels R, G, B are taken as linear sRGB, one channel as grey, and wavelengths as a spectrum, in variants of rgb,
 mono and spectral (`mitsuba_spectra`). Polarized variants are refused.
@@ -41,10 +41,10 @@ _RGB = ("R", "G", "B")
 
 
 def register(name: str = NAME) -> None:
-    """Make materials of type `name` known to Mitsuba's variant of the moment; call it again for another variant.
+    """Register materials of type `name` with Mitsuba's current variant; call it again for another variant.
 
-    Raises MissingDependency where Mitsuba is not installed, BadInput where no variant is set or one that is refused.
-    What is wrong with a file, Mitsuba reports as a RuntimeError that ends in our line.
+    Raises MissingDependency if Mitsuba is not installed, and BadInput if no variant or an unsupported variant is set.
+    Mitsuba reports a faulty file as a RuntimeError that ends with homofact's message.
     """
     material = bsdf_class()
     _mitsuba().register_bsdf(name, material)
@@ -53,8 +53,7 @@ def register(name: str = NAME) -> None:
 def load_bsdf(place: str | os.PathLike[str], sampling: str = "lobe") -> Any:
     """Return the material (a `mitsuba.BSDF`) of a result's folder or saved file, to be used in a scene's dictionary.
 
-    `sampling` is one of `SAMPLINGS`. Raises as `register` and `open_fit`, BadInput and not what Mitsuba
-    makes of it.
+    `sampling` is one of `SAMPLINGS`. Raises as `register` and `open_fit`: BadInput instead of Mitsuba's RuntimeError.
     """
     material = bsdf_class()
     properties = _mitsuba().Properties(NAME)
@@ -89,7 +88,7 @@ def open_mitsuba(variant: str = VARIANT) -> Any:
 def open_fit(place: str | os.PathLike[str]) -> Fitted:
     """Return the fit of a result's folder or of a saved file; needs no Mitsuba.
 
-    Raises BadInput where there is none, and for channels that are neither R, G, B, one alone, nor visible wavelengths.
+    Raises BadInput if there is no fit, and unless the channels are R, G, B, a single channel, or visible wavelengths.
     """
     target = saved_file(place)
     fit = open_saved(target)

@@ -1,9 +1,9 @@
-"""An environment map as an emitter of Mitsuba 3 that holds the same light in the same place.
+"""An environment map as an emitter of Mitsuba 3 with the same light in the same directions.
 
-Mitsuba's `envmap` is bilinear between its values, the first row at the pole itself; the texels of `rendering.light` are
-constant, rows half a texel from the poles. So that both shine alike, each texel is repeated `times` in both directions
-and a row between two texels is their mean: bilinear interpolation then blurs the edges by half of 1/`times` of a texel
-to each side, and no light is lost or moved.
+Mitsuba's `envmap` is bilinear between its values, and its first row lies at the pole. The texels of `rendering.light`
+are constant, and the centres of the first row lie half a texel from the pole. To make both emit the same light, each
+texel is repeated `times` in both directions, and a row between two texels is their mean: bilinear interpolation then
+blurs the edges by half of 1/`times` of a texel to each side, and no light is lost or moved.
 """
 
 import math

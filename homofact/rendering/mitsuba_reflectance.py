@@ -1,9 +1,9 @@
 """Any reflectance as a material of Mitsuba 3, evaluated outside its kernels.
 
-A fit has a program that Mitsuba traces (`mitsuba_bsdf`); an analytic model, a network or a table is asked through
-`Reflectance.evaluate` instead, with the directions written to memory in between. Mitsuba draws directions from the
-same mixture of cosine and lobe. As Dr.Jit cannot record such a call, virtual function calls must not be symbolic while
-it runs: `evaluated_calls` sees to that. For references, not for speed.
+A fit has a program that Mitsuba traces (`mitsuba_bsdf`). An analytic model, a network or a table is evaluated by
+`Reflectance.evaluate` instead, with the directions in memory. Mitsuba draws directions from the same mixture of cosine
+and lobe. Dr.Jit cannot record such a call, so virtual function calls must not be symbolic while it runs; use
+`evaluated_calls` for this. The module is for reference renderings, not for speed.
 """
 
 from collections.abc import Iterator
@@ -25,8 +25,8 @@ _RGB = ("R", "G", "B")
 def reflectance_bsdf(reflectance: Reflectance) -> Any:
     """The material (a `mitsuba.BSDF`, front side only) in the variant of the moment; R, G, B or one grey channel.
 
-    Where `reflectance.isotropic` is not true it counts as anisotropic. Raises MissingDependency without Mitsuba,
-    BadInput for another number of channels; evaluation raises BadInput for values that are not finite.
+    A reflectance without a true `isotropic` attribute is treated as anisotropic. Raises MissingDependency without
+    Mitsuba, BadInput for another number of channels; evaluation raises BadInput for values that are not finite.
     """
     count = len(reflectance.channels)
     if count not in (1, 3):
@@ -37,9 +37,9 @@ def reflectance_bsdf(reflectance: Reflectance) -> Any:
 
 @contextmanager
 def evaluated_calls() -> Iterator[None]:
-    """Within it Mitsuba calls materials on arrays in memory, as one made by `reflectance_bsdf` needs it to.
+    """Make Mitsuba call materials on arrays in memory within this context, as `reflectance_bsdf` needs.
 
-    The loop over a path's segments has to be kept in memory too.
+    The loop over a path's segments is evaluated in memory as well.
     """
     dr = import_module("drjit")
     with dr.scoped_set_flag(dr.JitFlag.SymbolicCalls, False), dr.scoped_set_flag(dr.JitFlag.SymbolicLoops, False):

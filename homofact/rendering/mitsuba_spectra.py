@@ -6,8 +6,8 @@
 | one | grey | as it is | the same at every wavelength |
 | wavelengths | linear sRGB under D65, cut at 0 | CIE Y under D65 | linear between bands, end values beyond |
 
-In a spectral variant every path has its own few wavelengths, which the surface interaction tells; colours come from the
-emitters' spectra and the film. Import this module only where Mitsuba is.
+In a spectral variant every path has its own few wavelengths, which are in the surface interaction. Colours come from
+the emitters' spectra and the film. Import this module only if Mitsuba is installed.
 """
 
 from collections.abc import Callable, Sequence
@@ -25,7 +25,7 @@ Spectra = Callable[[list[Any], Any], Any]
 
 
 def spectra_of(mi: Any, channels: Sequence[str]) -> Spectra:
-    """Return what turns C values in sr⁻¹ and a surface interaction into a `mitsuba.Spectrum`, in the variant of `mi`.
+    """Return a function from C values in sr⁻¹ and a surface interaction to a `mitsuba.Spectrum`, for variant `mi`.
 
     Raises BadInput for several channels that are neither R, G, B nor visible wavelengths.
     """

@@ -1,9 +1,9 @@
-"""An environment on the octahedron's square, with a pyramid of averages: light over any solid angle in one reading.
+"""An environment on the octahedral square with a pyramid of averages: light over any solid angle in one lookup.
 
 A direction d is divided by |dx| + |dy| + |dz|; the upper half's (x, y) fill the inner square turned by 45°, the lower
 half's are folded out into the corners (Praun and Hoppe 2003). A texel of side 2/N there covers s³ (2/N)² of solid
-angle, s = |dx| + |dy| + |dz| in [1, √3]. Every level of the pyramid averages four texels of the one below, each by its
-solid angle, and has a rim of one texel that repeats what the folding joins to it.
+angle, s = |dx| + |dy| + |dz| in [1, √3]. Every texel of a level averages four texels of the finer level, weighted by
+solid angle. Each level has a rim of one texel, a copy of the texels that are adjacent after folding.
 """
 
 import math

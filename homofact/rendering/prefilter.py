@@ -1,8 +1,9 @@
 """The split sum of one material under one sky: the chain, the material's table, and the statements that read both.
 
 The table is a texture of K + 2 rows over cosθo (`rendering.split_sum`): for each lobe its shares and its level, then
-the share of the irradiance, then the lobes' leans; of an anisotropic material one more, the lobes' spreads. The chain
-is a cube map with levels (`rendering.sky_chain`, or an engine's), which knows nothing of the material: one serves all.
+the share of the irradiance, then the lobes' tilts t. An anisotropic material has one more row, the lobes' spreads a.
+The chain is a cube map with levels (`rendering.sky_chain`, or an engine's). It does not depend on the material, so one
+chain serves all materials.
 """
 
 import math
@@ -30,7 +31,7 @@ TABLE, MAP, LIT = 0, 1, 2
 class LevelTable:
     """A material's `table` (K + 2, COLUMNS, 4), or with the spreads K + 3 rows; `across` is the azimuth of g, or None.
 
-    `factor` is what the light that it reads is multiplied by.
+    The light that it reads is multiplied by `factor`.
     """
 
     table: Tensor
@@ -43,17 +44,17 @@ class LevelTable:
         return len(self.table) - 2 - (self.across is not None)
 
     def rounded(self, kind: DTypeLike) -> "LevelTable":
-        """As a texture of this kind of numbers holds it."""
+        """Return the table rounded to the number type of a texture."""
         return replace(self, table=torch.from_numpy(self.table.numpy().astype(kind).astype(np.float64)))
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """The statements' unit vectors (3,) in the world: normal, tangent and binormal where they matter, viewer."""
+        """Return the names of the statements' world vectors: n, t and b of anisotropic materials, and wo."""
         return ("n", "wo") if self.across is None else ("n", "t", "b", "wo")
 
     @cached_property
     def statements(self) -> list[Let]:
-        """Statements over the `parameters`; the last is "reflected", radiance (3,)."""
+        """Return statements that use the `parameters`; the last one is "reflected", radiance (3,)."""
         n, wo, along = variable("n", 3), variable("wo", 3), variable("along", 1)
         rows, columns, _ = self.table.shape
         u = variable("u", 1)
@@ -107,7 +108,7 @@ S = TypeVar("S", SkyChain, FilteredSky)
 
 @dataclass(frozen=True)
 class Prefiltered(Generic[S]):
-    """All that the shader reads: a material's `material` table and the `sky`."""
+    """The data that the shader reads: a material's table `material` and the `sky`."""
 
     material: LevelTable
     sky: S
@@ -139,7 +140,7 @@ class Prefiltered(Generic[S]):
         return torch.stack(interpret(self.material.statements, values, TORCH, read)["reflected"], -1)
 
     def program(self: "Prefiltered[SkyChain]", title: tuple[str, ...], first: int) -> Program:
-        """As of the material's table, for this sky."""
+        """Return the program of the material's table for this sky."""
         sky = self.sky
         return self.material.program(
             ((len(sky.levels), 6, sky.side, sky.side), (1, *sky.irradiance.shape[:3])), title, first
@@ -159,7 +160,7 @@ def _words(lobes: int, number: int) -> str:
 
 
 def level_table(response: Response, factor: float = 1.0) -> LevelTable:
-    """Return the table's texels. Channels are 3, or one that is all of them."""
+    """Return the table's texels, with three channels; a single channel is repeated."""
     columns, lobes, _ = response.lobes.shape
     rows = lobes + 2 + (response.across is not None)
     table = torch.zeros(rows, columns, 4, dtype=torch.float64)
@@ -171,6 +172,6 @@ def level_table(response: Response, factor: float = 1.0) -> LevelTable:
 
 
 def prefiltered(response: Response, sky: S) -> Prefiltered[S]:
-    """Return a material's table beside a sky. They have the same levels."""
+    """Return a material's table with a sky of the same levels."""
     assert response.kernels == sky.kernels, "the table is for another chain"
     return Prefiltered(level_table(response, sky.factor), sky)

@@ -1,16 +1,16 @@
 """One prefiltered chain per sky for all materials: a cube map whose levels average the light over widening lobes.
 
-Level k is the light round every direction, weighted by a power of the cosine (`rendering.chain_kernels`). A level has
-half the side of the one before, down to `LAST`; α grows geometrically, from `TEXELS`/side at the first level to 1 at
-the last: the last level is E(n)/π, the irradiance over π. A lobe is thus some texels wide on every level. The half
-vectors of GGX, by which engines weigh, have tails that no sum of levels takes off again; sums of cosine powers have
-those of measured lobes.
+Level k contains the mean light around every direction, weighted by a power of the cosine (`rendering.chain_kernels`).
+The side of each level is half of that before, down to `LAST`. α grows geometrically, from `TEXELS`/side at the first
+level to 1 at the last level, which is E(n)/π, the irradiance over π. A lobe is thus some texels wide on every level.
+Engines weight by half vectors of GGX, whose long tails no sum of levels can remove. Sums of cosine powers can represent
+the tails of measured lobes.
 
-The irradiance is also stored in a separate cube map of `IRRADIANCE` texels per side, as in engines: it has a kink where
-a lamp sets, which the few texels of the last level would show as steps.
+The irradiance is also stored in a separate cube map of `IRRADIANCE` texels per side, as in engines: it has a kink at
+normals for which a lamp is on the horizon, and the few texels of the last level would show this kink as steps.
 
-Light is read from the environment's pyramid (`rendering.octahedral`) on rings round each texel's direction, at places
-about as far apart as rings are, averaged over their own solid angle.
+Light is read from the environment's pyramid (`rendering.octahedral`) at points on rings around each texel's direction,
+and averaged over the solid angle of each point. Points on a ring are about as far apart as the rings.
 """
 
 import math
@@ -44,9 +44,9 @@ _MOST = 2.0**15  # half floats end at 65504
 class SkyChain:
     """`levels` (6, N, N, 3), largest first, and E/π as `irradiance` (6, IRRADIANCE, IRRADIANCE, 3).
 
-    Both on the environment's scale over `factor`, a power of two, with which half floats hold them. `harmonics` (9, 3)
-    is E/π once more, as `_irradiance_coefficients`, for engines that have a place for those. `name` is the
-    environment's, `kernels` are the levels'.
+    Both are divided by `factor`, a power of two, so that half floats can represent them. `harmonics` (9, 3) are E/π as
+    spherical harmonics (`_irradiance_coefficients`), for engines that use them. `name` is the name of the environment,
+    and `kernels` are the kernels of the levels.
     """
 
     levels: tuple[Tensor, ...]
@@ -68,12 +68,12 @@ class SkyChain:
 
     @cached_property
     def cube(self) -> Cube:
-        """The levels ready to be read, still over `factor`."""
+        """Return the levels ready for lookups, still divided by `factor`."""
         return Cube.of(self.levels)
 
     @cached_property
     def lit(self) -> Cube:
-        """The irradiance over π ready to be read, still over `factor`."""
+        """Return the irradiance over π, ready for lookups, still divided by `factor`."""
         return Cube.of([self.irradiance])
 
 
@@ -123,10 +123,11 @@ def chain_of(light: EnvironmentMap, side: int = SIDE, kernels: ChainKernels | No
 
 @dataclass(frozen=True)
 class FilteredSky:
-    """A sky filtered where it is read, by the `kernels` of a chain themselves: what a chain of many texels would hold.
+    """A sky that is filtered at lookup by the `kernels` of a chain, without the chain's limited resolution.
 
-    It is read as a `SkyChain` is: `cube` and `lit` at directions (N, 3) of any length and levels (N,). Kernels that few
-    harmonics describe average those (`rendering.sky_harmonics`), narrower ones read rings as the chain does.
+    It is read as a `SkyChain` is: `cube` and `lit` at directions (N, 3) of any length and levels (N,). Wide kernels,
+    which few harmonics describe, average the sky by harmonics (`rendering.sky_harmonics`). Narrower kernels read rings
+    as the chain does.
     """
 
     pyramid: Pyramid
@@ -136,17 +137,17 @@ class FilteredSky:
 
     @classmethod
     def of(cls, light: EnvironmentMap, kernels: ChainKernels) -> "FilteredSky":
-        """Return an environment's."""
+        """Return the filtered sky of an environment."""
         return cls(Pyramid.of(light, torch.eye(3, dtype=torch.float64)), SkyHarmonics.of(light), kernels)
 
     @property
     def cube(self) -> "FilteredSky":
-        """What is read at a level."""
+        """Return the object for lookups at a level."""
         return self
 
     @property
     def lit(self) -> "_Lit":
-        """The irradiance over π, what the last level is."""
+        """Return the object for lookups of the irradiance over π, the last level."""
         return _Lit(self)
 
     def read(self, directions: Tensor, level: Tensor) -> Tensor:

@@ -1,13 +1,13 @@
-"""The spherical harmonics of an environment, by which it is averaged over wide round kernels.
+"""The spherical harmonics of an environment, for averaging it over wide round kernels.
 
 A kernel K round a direction d turns the coefficients a of the light into
 
     ∫ K L dω = Σl kl Σm alm Ylm(d),    kl = 2π ∫ K(γ) Pl(cosγ) sinγ dγ
 
-(Funk and Hecke; Driscoll and Healy 1994, theorem 1). kl falls with l as fast as K is wide: few degrees hold the average
-exactly, where rings of readings need thousands of places. The map's texels hold constant radiance, and so their
-coefficients are known: over a texel's azimuths ∫ exp(−i m α) dα is exact, over its polar angles nodes of Gauss and
-Legendre are.
+(Funk and Hecke; Driscoll and Healy 1994, theorem 1). The wider K is, the faster kl falls with l. A few degrees then
+give the average exactly, while rings would need thousands of lookups. The map's texels have constant radiance, so their
+coefficients are computed exactly: ∫ exp(−i m α) dα over a texel's azimuths in closed form, and over its polar angles by
+Gauss-Legendre nodes.
 """
 
 import math
@@ -50,12 +50,12 @@ class SkyHarmonics(NamedTuple):
         return cls(*_analysed(np.cos(theta), weight, *parts, nodes))
 
     def averaged(self, gains: np.ndarray, towards: np.ndarray) -> np.ndarray:
-        """Return light (N, 3) averaged by a kernel of these kl round unit directions (N, 3) in the world."""
+        """Return light (N, 3) averaged by a kernel with coefficients kl around unit world directions (N, 3)."""
         return _summed(np.ascontiguousarray(towards), gains, self.cosine, self.sine)
 
 
 def gains_of(kernels: ChainKernels, level: int) -> np.ndarray | None:
-    """Return kl (L + 1,) of a level's kernel as far as they matter, None for a kernel that needs more than `MOST`."""
+    """Return the significant kl (L + 1,) of a level's kernel; None if it needs degrees above `MOST`."""
     gamma = (np.arange(_ANGLES) + 0.5) * (math.pi / 2 / _ANGLES)
     flux = kernels.at(level, gamma) * np.sin(gamma)
     flux /= flux.sum()

@@ -11,8 +11,8 @@ covered part; coverage, the share of its 8 × 8 points that hit the sphere, smoo
 
 An environment is integrated with the multi-sample balance heuristic (Veach and Guibas 1995, eq. 14) over
 three sets of directions: half drawn from the map, a quarter from the cosine, a quarter by mirroring ωo
-at half vectors with density (e + 1)/2π·cosᵉθh. No set depends on the reflectance, so a source and its
-fits are shaded from the same directions and their difference holds no sampling noise of its own.
+at half vectors with density (e + 1)/2π·cosᵉθh. No set depends on the reflectance, so a source and its fits use the same
+directions, and their difference contains no independent sampling noise.
 """
 
 from collections.abc import Callable, Sequence

@@ -4,12 +4,12 @@
     rk = 2 (hk·ωo) hk − (hk·hk) ωo,    hk = n + ak(θo) g,
 
 P(m, ℓ) is the chain at the fractional level ℓk(θo), interpolated linearly between two levels. g is a direction in the
-surface, across the grain of an anisotropic material, along which half vectors spread: rk mirrors ωo at one of them. For
-an isotropic material all ak are 0 and rk is the mirror direction. S and D are given per channel; the other parameters
-are common to all channels. S and D add up to the albedo for every θo and channel, so the sum is exact under uniform
-light. On homofact's own chain they are ≥ 0. On the chain of an engine they may be negative, to compensate for the long
-tails of GGX, and the sum is clipped at 0. Engines themselves use one such lobe, round r, with a level that does not
-depend on the angle (Karis 2013).
+surface, across the grain of an anisotropic material. Half vectors spread along g, and rk is ωo mirrored at one of them.
+For an isotropic material all ak are 0 and rk is the mirror direction. S and D are given per channel; the other
+parameters are common to all channels. S and D add up to the albedo for every θo and channel, so the sum is exact under
+uniform light. On homofact's own chain they are ≥ 0. On the chain of an engine they may be negative, to compensate for
+the long tails of GGX, and the sum is clipped at 0. Engines themselves use one such lobe, round r, with a level that
+does not depend on the angle (Karis 2013).
 
 Levels, tilts, spreads and shares minimise E of `rendering.lobe_levels`, the mean square error under natural skies. For
 given lobes the shares follow directly. Nelder and Mead's simplex searches the lobes at every θo, starting from those of
@@ -62,8 +62,8 @@ _FAINT = 1e-4  # of the flux, which is left out
 class Response(NamedTuple):
     """A material's table at even steps of cosθo from 0 to 1, for a chain with these `kernels`.
 
-    `lobes` (COLUMNS, K, 3) are ℓk, tk and ak, `shares` (COLUMNS, K + 1, C) Sk and last D. `across` is the azimuth of g
-    in radians, None of what is isotropic.
+    `lobes` (COLUMNS, K, 3) are ℓk, tk and ak, and `shares` (COLUMNS, K + 1, C) are the Sk followed by D. `across` is
+    the azimuth of g in radians, None for isotropic materials.
     """
 
     lobes: Tensor
@@ -75,7 +75,7 @@ class Response(NamedTuple):
 def response_of(
     reflectance: Reflectance, kernels: ChainKernels, lobes: int = LOBES, to_rgb: ToRgb | None = None
 ) -> Response:
-    """The table of a material with so many lobes, 1 to 3; of an anisotropic one there are always 3.
+    """Compute the table of a material with `lobes` lobes, 1 to 3; anisotropic materials always have 3.
 
     Raises BadInput for channels that do not fit, and values that are not finite.
     """
@@ -93,7 +93,7 @@ def response_of(
 
 
 def widest_azimuth(shade) -> float:
-    """The azimuth of the axis along which light spreads widest, seen from the normal; in [0, π)."""
+    """Return the azimuth in [0, π) of the axis along which light spreads widest for a viewer at the normal."""
     wo = torch.tensor([[0.0, 0.0, 1.0]], dtype=torch.float64)
     wi, angles = hemisphere_nodes(wo, *_NODES)
     wi = wi.reshape(-1, 3)

@@ -1,4 +1,4 @@
-"""What of the unit sphere is seen through each pixel, and reflectance asked in the channels of a picture.
+"""The visible points of the unit sphere per pixel, and reflectances evaluated in a picture's channels.
 
 World frame, view and tangents as in `rendering.sphere`.
 """
@@ -30,7 +30,7 @@ class Surface(NamedTuple):
 
 
 def seen_surface(size: int, view: tuple[float, float, float]) -> tuple[Tensor, Surface]:
-    """Coverage (size, size) and the surface seen through each covered pixel. Raises BadInput for bad numbers."""
+    """Return the coverage (size, size) and the visible surface. Raises BadInput for an invalid size or view."""
     if size < 8:
         raise BadInput(where="picture size", found=size, expected="at least 8 pixels")
     axes = view_axes(view)

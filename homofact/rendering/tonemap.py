@@ -4,8 +4,8 @@ Pictures that are compared share the exposure, which is chosen from the source. 
 comparison pictures, `info`, sheets of materials, the viewer) use `automatic_exposure` and `DEFAULT_CURVE`. Colours
 are linear sRGB with the D65 white point (IEC 61966-2-1); what leaves the gamut is clipped and its share reported.
 
-The curve is "srgb", sRGB's own, under which radiance and code value can be told from each other up to white; or
-"filmic", which bends lights many times as bright as white into the picture before sRGB's (Narkowicz 2015, a fit to
+The curve is "srgb" or "filmic". "srgb" is sRGB's own curve, which can be inverted up to white. "filmic" compresses
+radiances many times as bright as white into the range of the picture, before sRGB's curve (Narkowicz 2015, a fit to
 ACES): y = x (2.51 x + 0.03)/(x (2.43 x + 0.59) + 0.14) of each channel, 1 from x = 7.24 on.
 """
 
@@ -54,8 +54,8 @@ def choose_exposure(image: SphereImage) -> float:
 def choose_middle(image: SphereImage) -> float:
     """Return the factor that takes the median brightness of the lit pixels to 0.18; 1 if all is black.
 
-    Unlike `choose_exposure` it leaves a glossy paint visible under its own highlights, for the filmic curve to hold.
-    Brightness is the mean of a pixel's channels.
+    Unlike `choose_exposure`, it keeps the body of a glossy paint visible beside its highlights, which the filmic curve
+    then compresses. Brightness is the mean of a pixel's channels.
     """
     brightness = image.radiance.mean(2)[image.coverage > 0]
     lit = brightness[brightness > 0]
@@ -63,11 +63,12 @@ def choose_middle(image: SphereImage) -> float:
 
 
 def automatic_exposure(image: SphereImage) -> float:
-    """The default exposure, for the filmic curve: the weighted mean of `choose_middle` and `choose_exposure` in stops.
+    """Return the default exposure: the weighted mean in stops of `choose_middle` and `choose_exposure`.
 
-    The median weighs `MIDDLE_SHARE`, the highlight the rest. With r, the highlight over the median, the median goes to
-    0.18 (5/r)^0.3: 0.22 for a diffuse paint (r = 2.5), 0.12 for a gloss (r = 20), whose body stays visible. Highlights
-    up to 98 times the median stay below the curve's white. 1 if all is black.
+    It is for the filmic curve. The median has the weight `MIDDLE_SHARE`, and the highlight the rest. If r is the ratio
+    of highlight to median, the median is mapped to 0.18 (5/r)^0.3: 0.22 for a diffuse paint (r = 2.5), 0.12 for a gloss
+    (r = 20), whose body stays visible. Highlights up to 98 times the median stay below the curve's white. 1 if all is
+    black.
     """
     return choose_middle(image) ** MIDDLE_SHARE * choose_exposure(image) ** (1 - MIDDLE_SHARE)
 

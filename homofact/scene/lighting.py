@@ -99,7 +99,7 @@ class Lighting:
         return f"has less than 1% of its energy above order {self.last_excited}, so finer detail of a lobe is invisible"
 
     def irradiance(self, normals: Tensor, order: int | None) -> Tensor:
-        """Return ∫ L max(n·ω, 0) dω (N, C) at unit normals (N, 3), by harmonics up to `order` (3.10) or by all orders.
+        """Return ∫ L max(n·ω, 0) dω (N, C) at unit normals (N, 3), by orders up to `order` (3.10), or by all.
 
         With all orders, the result is exact for directional lights. For maps it is computed up to `ORDER`, since
         Lambert's filter falls like l^−5/2.

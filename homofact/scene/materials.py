@@ -75,7 +75,7 @@ class OpenedMaterial:
 
     @property
     def tinted(self) -> Tinted | None:
-        """Return the material in two parts if it has a `picture`: the part that its colour multiplies, and the rest."""
+        """Return the material in two parts: the one that its colour multiplies, and the rest; else None."""
         model = self.reflectance
         if self.picture is None or not isinstance(model, MetallicRoughness) or not any(model.base_colour):
             return None

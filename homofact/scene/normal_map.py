@@ -38,7 +38,7 @@ class SurfaceNormals:
         return float(np.quantile(self.sines, 1 - _BEYOND))
 
     def between(self, corners: np.ndarray, shares: np.ndarray, normals: np.ndarray) -> np.ndarray:
-        """Return mapped unit normals (S, 3), interpolated from vertices `corners` (S, 3) with weights `shares` (S, 3).
+        """Return mapped normals (S, 3) at points that interpolate `corners` (S, 3) with weights `shares` (S, 3).
 
         `normals` (S, 3) are the surface's own there, of length 1.
         """

@@ -54,5 +54,5 @@ class SurfaceTint:
         return self.at(self.uv)
 
     def between(self, corners: np.ndarray, shares: np.ndarray) -> np.ndarray:
-        """Return tints (S, 3) at points, interpolated from vertices `corners` (S, 3) with weights `shares` (S, 3)."""
+        """Return tints (S, 3) at points that interpolate `corners` (S, 3) with weights `shares` (S, 3)."""
         return self.at((self.uv[corners] * shares[..., None]).sum(1))

@@ -1,4 +1,4 @@
-"""Direction maps and decompositions by name, apart from their formulas, so that checks and help load no torch."""
+"""The names of direction maps and decompositions, in a module that does not import torch."""
 
 import math
 

@@ -1,14 +1,14 @@
 """Decompositions of a BRDF matrix M (rows: texels of one direction, columns: of the other) into K products.
 
 * `svd`: the best rank-K approximation in the Frobenius norm (Eckart and Young), for any M.
-* `eigen`: for a symmetric M, which reciprocity and equal maps of ωi and ωo give, Σ sk uk ukᵀ with the K eigenvalues of
-  largest size; sk = −1 where the eigenvalue is negative (Wang, Tran and Luebke 2004, 3.2). As good as the SVD, with one
-  texture per term instead of two.
-* `power`: the same by power iteration with deflation (ibid., appendix), to the same numbers.
-* `normalized`: one term, for any M ≥ 0: each row's norm, times the mean of the rows after division by it (Kautz
-  and McCool 1999). We take the 1-norm, so the sum of every row of M is kept.
+* `eigen`: for a symmetric M (a reciprocal BRDF with equal maps of ωi and ωo), Σ sk uk ukᵀ with the K eigenvalues of
+  largest absolute value; sk = −1 for a negative eigenvalue (Wang, Tran and Luebke 2004, 3.2). It is as accurate as the
+  SVD, with one texture per term instead of two.
+* `power`: the same decomposition by power iteration with deflation (ibid., appendix).
+* `normalized`: one term, for any M ≥ 0. It is the product of each row's norm and the mean of the normalised rows (Kautz
+  and McCool 1999). homofact uses the 1-norm, so the sum of every row of M is preserved.
 
-Factors are scaled like the papers': both sides of a term share its singular value evenly.
+As in the papers, both factors of a term are scaled by the square root of its singular value.
 """
 
 from dataclasses import dataclass
@@ -29,8 +29,8 @@ POWERS = 4
 class Factors:
     """M ≈ left diag(signs) rightᵀ.
 
-    `left` (n, K); `right` (m, K), or None where it is `left`; `signs` (K,) of ±1. `converged` is true if an iteration
-    met its tolerance, and `iterations` is their number.
+    `left` is (n, K). `right` is (m, K), or None if it equals `left`. `signs` (K,) are ±1. `converged` is True if an
+    iterative method met its tolerance, and `iterations` is its number of iterations.
     """
 
     left: Tensor
@@ -55,7 +55,7 @@ def svd(matrix: Tensor, terms: int) -> Factors:
 def eigen(matrix: Tensor, terms: int) -> Factors:
     """Return the `terms` eigenvectors of largest |eigenvalue| of a symmetric (n, n).
 
-    Raises BadInput where it is not.
+    Raises BadInput if the matrix is not symmetric.
     """
     _check_symmetric(matrix)
     n = matrix.shape[0]
@@ -77,11 +77,12 @@ def power(
 ) -> Factors:
     """As `eigen`, by power iteration with deflation.
 
-    A vector is done when ‖Mv − λv‖ ≤ `tolerance` |λ1|, λ = vᵀMv, λ1 the first eigenvalue (the paper waits for λ to
-    stand still, which two eigenvalues of nearly one size do long before v does), or after `most` products, which
-    `converged` = False tells of. Every four products the next v is the best combination of v and its last images
-    (Rayleigh-Ritz), where the paper takes the last: BRDF matrices have eigenvalues of one size and opposite sign, and
-    between their vectors the plain iteration swings for ever. A remainder of rounding is not decomposed further.
+    The iteration for a vector v ends if ‖Mv − λv‖ ≤ `tolerance` |λ1|, with λ = vᵀMv and λ1 the first eigenvalue, or
+    after `most` products, in which case `converged` is False. (The paper stops when λ no longer changes. With two
+    eigenvalues of nearly the same size, this happens long before v converges.) After every four products, the next v is
+    the best combination of v and its last images (Rayleigh-Ritz); the paper uses the last image. BRDF matrices have
+    eigenvalues of equal size and opposite sign, between whose vectors the plain iteration oscillates forever. A
+    remainder at the level of rounding is not decomposed further.
     """
     _check_symmetric(matrix)
     rest = matrix.clone()
@@ -140,10 +141,11 @@ def _recombined(matrix: Tensor, v: Tensor) -> tuple[Tensor, float, float]:
 
 
 def imputed(matrix: Tensor, valid: Tensor, terms: int, rounds: int = 60) -> Tensor:
-    """(n, m) with the entries that are not `valid` replaced by those of a rank-`terms` approximation of the rest.
+    """Return (n, m) with invalid entries replaced by a rank-`terms` approximation of the valid ones.
 
-    Each round fits the factors to the matrix as it is and reads the missing entries off their product, within the
-    range of the valid ones: what nobody measured then takes no term for itself. The entries given are the start.
+    The given values of the invalid entries are the start. Each round fits the factors to the current matrix and sets
+    the invalid entries to their product, clipped to the range of the valid entries. So the approximation spends no
+    terms on entries without data.
     """
     if bool(valid.all()) or not bool(valid.any()):
         return matrix

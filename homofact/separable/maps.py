@@ -1,4 +1,4 @@
-"""Maps of the upper hemisphere to the texture square, by which separable factors are stored as textures.
+"""Maps from the upper hemisphere to the texture square, which index the textures of separable fits.
 
 * parabolic: (u, v) = (ωx, ωy)/(1 + ωz), the usual map (`geometry.parabolic`);
 * orthographic: (u, v) = (ωx, ωy) (Wang, Tran and Luebke 2004, eq. 7, here in [−1, 1]);
@@ -33,9 +33,9 @@ LEAST_COSINE = 0.1
 class DirectionMap:
     """A named map: `to_square` takes unit vectors (..., 3) with z ≥ 0 to (..., 2) in [−1, 1]², `from_square` back.
 
-    Its axes are those of `geometry.axes`, `scales` makes them coordinates in [−1, 1].
-    `disc` says that the hemisphere fills the unit disc; else it fills the square. `from_square` takes points
-    outside to the nearest of the rim. `_density` is dω/(du dv) of a cosine, up to a constant.
+    `axes` are names of `geometry.axes`, and `scales` scales them to coordinates in [−1, 1]. `disc` is True if the
+    hemisphere fills the unit disc, False if it fills the square. `from_square` moves points outside the disc to the
+    nearest point of the rim. `_density` is dω/(du dv) as a function of the cosine cosθ, up to a constant.
     """
 
     name: str
@@ -60,14 +60,14 @@ class DirectionMap:
         return raised(self.from_square(texel_centres(size)))
 
     def texel_weights(self, size: int) -> Tensor:
-        """(size²,) the projected solid angle cosθ dω of every texel, of mean 1 and at least 1% of the largest."""
+        """Return the projected solid angles (size²,) of the texels, with mean 1 and at least 1% of the largest."""
         cosine = self.texel_directions(size)[:, 2]
         weights = cosine * self._density(cosine)
         weights = weights.clamp_min(0.01 * float(weights.max()))
         return weights / weights.mean()
 
     def read(self, size: int) -> Tensor:
-        """Return (size²,) bool: whether some direction's bilinear stencil reads the texel."""
+        """Return a (size²,) bool array that is True for texels that the bilinear stencil of a direction reads."""
         centres = texel_centres(size)
         if not self.disc:
             return torch.ones(len(centres), dtype=torch.bool)
@@ -83,7 +83,7 @@ def texel_centres(size: int) -> Tensor:
 
 
 def raised(w: Tensor) -> Tensor:
-    """Return unit vectors (..., 3) with z ≥ `LEAST_COSINE`: those below are raised to it at their azimuth."""
+    """Return unit vectors (..., 3) with z ≥ `LEAST_COSINE`; lower vectors are raised to it at the same azimuth."""
     flat = w[..., :2]
     length = flat.norm(dim=-1, keepdim=True)
     scale = (1 - LEAST_COSINE**2) ** 0.5 / length.clamp_min(1e-300)

@@ -1,9 +1,9 @@
 """The BRDF matrix: f at every pair of texels of two direction maps.
 
-In-out: rows ωi, columns ωo, on equal maps, so reciprocity makes it symmetric. Half-diff: rows h, columns d (in
-Kautz and McCool's frame); pairs whose ωi or ωo lies under the horizon have no value and are filled with that of the
-directions raised to it and are not `valid`: a start for those that fit the others.
-Only texels that some direction reads have a row.
+With the parameterization in-out, rows are ωi and columns ωo on equal maps, so the matrix of a reciprocal BRDF is
+symmetric. With half-diff, rows are h and columns d (in Kautz and McCool's frame). A pair whose ωi or ωo lies below the
+horizon is not `valid`. Its entry is the value at directions raised to the horizon, which serves as a start for methods
+that fit only valid entries. Only texels that a direction reads have a row.
 """
 
 from dataclasses import dataclass
@@ -28,7 +28,7 @@ _SAME = 1e-6
 
 @dataclass(frozen=True)
 class BrdfMatrix:
-    """`values` (n, n, C) in sr⁻¹ without the cosine; `valid` (n, n) bool; `read` (size²,) bool with n Trues.
+    """The `values` (n, n, C) in sr⁻¹ without the cosine, `valid` (n, n) bool, and `read` (size²,) bool with n Trues.
 
     `weights` (n,) are the projected solid angles of the texels, up to a factor."""
 
@@ -58,9 +58,10 @@ def brdf_matrix(
 ) -> BrdfMatrix:
     """Evaluate `reflectance` at all pairs of texels of `size`² maps.
 
-    `isotropic`: pairs that differ only by azimuth, mirroring and exchange are evaluated once (an isotropic interpolant
-    is reciprocal). `reciprocal` makes an in-out matrix symmetric to the last bit, the mean of both ways. Raises
-    BadInput for an unknown parameterization, a size below 2 or one whose matrix would be too large.
+    `isotropic`: pairs that differ only by rotation about the normal, mirroring, or exchange of light and viewer are
+    evaluated once (an isotropic interpolant is reciprocal). `reciprocal` makes an in-out matrix exactly symmetric, by
+    the mean of both exchanges. Raises BadInput for an unknown parameterization, and for a size below 2 or with too
+    large a matrix.
     """
     if parameterization not in SIDES:
         raise BadInput(where="parameterization", found=repr(parameterization), expected=" or ".join(SIDES))

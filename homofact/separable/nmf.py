@@ -2,9 +2,9 @@
 
 Minimises Σ wij (mij − (W H)ij)² over W, H ≥ 0. Each update multiplies a factor by the ratio of the negative to the
 positive part of the gradient, so nothing becomes negative and the objective never rises. Lawrence, Rusinkiewicz and
-Ramamoorthi 2004 factor a BRDF like this, with half-angle coordinates on one side. The start is the
-non-negative part of the SVD (Boutsidis and Gallopoulos 2008, NNDSVD) with its zeros raised, since a zero stays one:
-the result has no chance in it.
+Ramamoorthi 2004 factor a BRDF like this, with half-angle coordinates on one side. The start is the non-negative part of
+the SVD (Boutsidis and Gallopoulos 2008, NNDSVD). Its zeros are replaced by positive numbers, since the updates never
+change a zero. So the result is deterministic.
 """
 
 from dataclasses import dataclass
@@ -17,10 +17,10 @@ from homofact.errors import BadInput
 
 @dataclass(frozen=True)
 class NonNegative:
-    """M ≈ left rightᵀ with left (n, K) and right (m, K) ≥ 0, both sides of a term of one norm.
+    """M ≈ left rightᵀ with left (n, K) and right (m, K) ≥ 0; both factors of a term have the same norm.
 
-    `objectives` are Σ w (M − left rightᵀ)² at the start and after every update of both; `converged` is true if the last
-    ones changed less than the tolerance.
+    `objectives` are Σ w (M − left rightᵀ)² at the start and after every update of both; `converged` is True if the last
+    values changed by less than the tolerance.
     """
 
     left: Tensor
@@ -36,10 +36,11 @@ class NonNegative:
 def nmf(
     matrix: Tensor, terms: int, weights: Tensor | None = None, most: int = 600, tolerance: float = 1e-5
 ) -> NonNegative:
-    """Factor (n, m) ≥ 0 with weights (n, m) ≥ 0 (None: all 1) into K = `terms`.
+    """Factor a matrix (n, m) ≥ 0 with weights (n, m) ≥ 0 (None: all 1) into K = `terms` products.
 
-    Ends after `most` rounds, or when ten rounds lower the objective by less than `tolerance` of the start's.
-    Raises BadInput for negative or non-finite entries, for weights of another shape, and for fewer than one term.
+    The iteration ends after `most` rounds, or when ten rounds lower the objective by less than `tolerance` times its
+    initial value. Raises BadInput for negative or non-finite entries, for weights of another shape, and for fewer than
+    one term.
     """
     for name, found in (("matrix", matrix), ("weights", weights)):
         if found is not None and not bool((torch.isfinite(found) & (found >= 0)).all()):

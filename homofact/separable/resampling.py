@@ -1,7 +1,7 @@
-"""A BRDF at any pair of directions from scattered samples, fit to fill a matrix of millions of entries.
+"""Interpolate scattered samples at any pair of directions, fast enough for a matrix of millions of entries.
 
-Isotropic samples are interpolated by `brdf.scattered`, whose coordinates azimuth, mirroring and exchange leave alone.
-Anisotropic ones are resampled by `LocalPlanes`, which are several times as quick: a matrix asks for millions.
+Isotropic samples are interpolated by `brdf.scattered`, whose coordinates are invariant to azimuth, mirroring and
+exchange of light and viewer. Anisotropic samples are resampled by `LocalPlanes`, which is several times as fast.
 """
 
 import math
@@ -34,7 +34,7 @@ _HALF_OVER_DIFFERENCE = 1.5
 
 
 def resampled(samples: Samples, reciprocal: bool) -> Reflectance:
-    """Return what answers for `samples` between them; `reciprocal` lets every anisotropic sample count exchanged, too.
+    """Return an interpolation of `samples`; `reciprocal` also uses anisotropic samples with exchanged directions.
 
     Raises BadInput for too few samples.
     """
@@ -47,10 +47,11 @@ class LocalPlanes:
     """A `Reflectance` of `samples` by moving least squares of degree 1 over four coordinates.
 
     At each place, a plane is fitted to log(f/A + ε) of the nearest samples, with weights that fall to zero at the
-    farthest of them and a light ridge on the slope; the value stays within the range of those logs, so nothing is
-    invented outside what was measured. Coordinates are half and difference vector in their parabolic discs, the half
-    vector's radius stretched near the normal so that a highlight gets room. With `reciprocal` every sample stands
-    exchanged beside itself. A, ε: the mean and 1e-2, as in `brdf.scattered`. Raises BadInput for too few samples.
+    farthest sample and a small ridge on the slope. The value is clipped to the range of these logs, so the
+    interpolation does not extrapolate. The coordinates are half and difference vector in their parabolic discs; the
+    radius of the half vector is stretched near the normal to spread out a highlight. With `reciprocal`, every sample
+    also occurs with exchanged directions. A is the mean and ε = 1e-2, as in `brdf.scattered`. Raises BadInput for too
+    few samples.
     """
 
     samples: Samples
@@ -65,7 +66,7 @@ class LocalPlanes:
 
     @property
     def channels(self) -> tuple[str, ...]:
-        """Those of the samples."""
+        """The channels of the samples."""
         return self.samples.channels
 
     @property

@@ -1,9 +1,9 @@
 """The result of a separable fit: f(a, b) ≈ Σk sk gk(a) hk(b), cut at zero, on two direction maps.
 
-(a, b) are (ωi, ωo) or (h, d). In a reciprocal in-out fit gk = hk, so f(ωi, ωo) = f(ωo, ωi) to the last bit, and a term
-stores one texture. The factors of an SVD have both signs and their truncated sum may be negative. Evaluation clips it
-at zero (Wang, Tran and Luebke 2004 keep such values and see false colours, 4.1), and `clipped` measures how often this
-happens. Each channel is factored separately, as in their paper (3.2).
+(a, b) are (ωi, ωo) or (h, d). In a reciprocal in-out fit gk = hk, so f(ωi, ωo) = f(ωo, ωi) exactly, and a term stores
+one texture. The factors of an SVD have both signs, and the truncated sum of their products may be negative. Evaluation
+clips it at zero (Wang, Tran and Luebke 2004 keep negative values and observe false colours, 4.1). `clipped` measures
+the share of clipped values. Each channel is factored separately, as in their paper (3.2).
 
 One .npz file of plain arrays with a JSON header contains everything that an evaluation needs.
 """
@@ -45,11 +45,10 @@ _LETTERS = {"i": "ωi", "o": "ωo", "h": "h", "d": "d"}
 
 @dataclass(frozen=True)
 class SeparableTerm:
-    """One product: `first` gk and `second` hk (rows, columns, C), `second` None where it is `first`.
+    """One product of the textures `first` gk and `second` hk (rows, columns, C); `second` is None if equal.
 
-    `signs` (C,) are ±1. g·h is in sr⁻¹ without the cosine; the channels' terms are in order of size, each by itself.
-    `grids`, one a stored texture, are there where its texels are rounded to whole numbers. All are NumPy arrays, made
-    of tensors where these are given.
+    `signs` (C,) are ±1. g·h is in sr⁻¹ without the cosine. Each channel's terms are sorted by size separately. `grids`,
+    one per stored texture, are set if the texels are quantized. All arrays are NumPy arrays; tensors are converted.
     """
 
     first: Held
@@ -71,8 +70,8 @@ class SeparableTerm:
 class Separable:
     """A fitted sum of products; a `Reflectance` and a `Fitted`.
 
-    `map` names the direction map of both sides, `parameterization` says what they are indexed by, `read`
-    (rows, columns) is True where some direction reads the texel.
+    `map` is the name of the direction map of both factors, and `parameterization` names the directions that index them.
+    `read` (rows, columns) is True for texels that a direction reads.
     """
 
     terms: tuple[SeparableTerm, ...]
@@ -93,16 +92,16 @@ class Separable:
 
     @property
     def nbytes(self) -> int:
-        """Bytes of all texels as float32; the signs, C bits a term, are not counted."""
+        """Bytes of all texels as float32, without the signs (C bits per term)."""
         return sum(texture.size * 4 for term in self.terms for texture in term.textures)
 
     @property
     def fetches(self) -> int:
-        """Texture lookups of one evaluation: two a term, a shared texture being read at both directions."""
+        """Texture lookups of one evaluation: two per term, since a shared texture is read at both directions."""
         return 2 * len(self.terms)
 
     def evaluate_signed(self, wi: "Tensor", wo: "Tensor") -> "Tensor":
-        """Return the sum of products (N, C) in sr⁻¹ before it is cut at zero."""
+        """Return the sum of products (N, C) in sr⁻¹ before clipping at zero."""
         import torch
 
         from homofact.linear.bilinear import lookup
@@ -117,7 +116,7 @@ class Separable:
         return (left * right * signs).sum(1).to(wi)
 
     def places(self, wi: "Tensor", wo: "Tensor") -> "tuple[Tensor, Tensor]":
-        """Return where the first and the second textures are read, (N, 2) in [−1, 1]² each."""
+        """Return the lookup places in the first and the second textures, (N, 2) in [−1, 1]² each."""
         scales = MAP_SCALES[self.map]
         first, second = (axes_of(axes, wi, wo, scales) for axes in self._axes)
         return first, second
@@ -154,7 +153,7 @@ class Separable:
 
     @property
     def evaluation(self) -> Evaluation:
-        """max(0, Σ signs · first lookup · second lookup)."""
+        """The evaluation max(0, Σ signs · first lookup · second lookup)."""
         rows, columns = self.read.shape
         terms = [(tuple(term.signs.tolist()), len(term.textures)) for term in self.terms]
         return evaluation_of_sum(self.map, self.parameterization, terms, (rows, columns))
@@ -165,7 +164,7 @@ class Separable:
         grids: Sequence[QuantizationGrid | None] | None = None,
         facts: Mapping[str, Any] | None = None,
     ) -> "Separable":
-        """Return the same terms with other factors (rows, columns, C); as `Fitted.with_textures`."""
+        """Return the fit with other factors (rows, columns, C); see `Fitted.with_textures`."""
         left, grid = map(as_array, texels), iter(grids or (None,) * len(texels))
         terms = []
         for term in self.terms:
@@ -175,7 +174,7 @@ class Separable:
         return replace(self, terms=tuple(terms), provenance=self.provenance | dict(facts or {}))
 
     def describe(self) -> dict[str, Any]:
-        """Return the map, what the sides are indexed by, which texels are read, and the terms' signs."""
+        """Return the map, the directions that index the factors, the texels that are read, and the terms' signs."""
         terms, texture = [], 0
         for term in self.terms:
             numbers = list(range(texture, texture + len(term.textures)))
@@ -197,7 +196,7 @@ class Separable:
         return first, np.concatenate(seconds, 2) if seconds else None
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the one file (.npz), beside first and then renamed. Raises BadInput for an unwritable place."""
+        """Write one .npz file under a temporary name, then rename it. Raises BadInput if it cannot be written."""
         header = {
             "format": FORMAT,
             "format_version": FORMAT_VERSION,
@@ -222,7 +221,7 @@ class Separable:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> "Separable":
-        """Read what `save` wrote. Raises BadInput for a file that is none, is damaged, or is from a newer version."""
+        """Read a file that `save` wrote. Raises BadInput if it is no such file, is damaged, or has a newer version."""
         saved = SavedFit.read(path, FORMAT, FORMAT_VERSION)
         fields = saved.fields
         channels, transform = channels_and_transform(saved)

@@ -1,1 +1,1 @@
-"""Shader source from a fit: one program of expressions, printed in four languages, its operations counted."""
+"""Generate shader source from a fit: one program of expressions, printed in four languages, with operation counts."""

@@ -1,8 +1,8 @@
-"""The program printed as C99: no vectors, no library but math.h, the texels beside the code.
+"""Print the shading program as C99, without vector types and with math.h only; the texels are part of the file.
 
-A vector becomes an array and each of its components one expression. The lookup does what a sampler does: bilinear
-between texel centres at (k + 1/2)/n, clamped to the edge. The texels are the stored ones, decoded: what the compiled
-function gives is what the other languages read from the exported textures.
+A vector becomes an array, and each of its components one expression. The lookup is that of a GPU sampler: bilinear
+between texel centres at (k + 1/2)/n, clamped to the edge. The texels are the stored texels after decoding, so the
+compiled function returns the same values as the other languages with the exported textures.
 """
 
 from collections.abc import Sequence
@@ -38,7 +38,8 @@ LOOKUP = """static void {prefix}_lookup(const float *texels, int rows, int colum
 def c_source(program: Program, textures: Sequence[np.ndarray], prefix: str = "homofact") -> str:
     """Return one file of C99: texels (rows, columns, C) as floats, the lookup, and `PREFIX_evaluate(wi, wo, f)`.
 
-    Layers stand one under another in the texels, and are what `PREFIX_evaluate(wi, wo, layer, f)` reads.
+    For layers, the texels of all layers are stacked along the rows, and the function is `PREFIX_evaluate(wi, wo, layer,
+    f)`.
     """
     channels = len(program.channels)
     title = "".join(f"/* {remark(line)} */\n" for line in program.title)
@@ -59,7 +60,7 @@ def c_source(program: Program, textures: Sequence[np.ndarray], prefix: str = "ho
 
 
 def statement_lines(statements: Sequence[Let], prefix: str, program: Program | None = None) -> list[str]:
-    """Return the lines of a function's statements; fetches are those of `program`."""
+    """Return the lines of a function's statements; `program` defines the textures that they fetch."""
     layer = program is not None and program.layers > 0
     lines = []
     for statement in statements:
@@ -93,7 +94,7 @@ def statement_lines(statements: Sequence[Let], prefix: str, program: Program | N
 
 
 def render(expression: Expression, prefix: str = "homofact") -> str:
-    """Return the text of a scalar expression (or of a name, whatever its dimension)."""
+    """Return the text of a scalar expression, or of a variable of any dimension."""
     kind, operands = expression.kind, expression.operands
     if kind == "constant":
         return f"{number(expression.values[0])}f"
@@ -126,7 +127,7 @@ def texels_in_c(prefix: str, number_of: int, texels: np.ndarray) -> str:
 
 
 def tables_in_c(tables: Tables, prefix: str) -> str:
-    """Return the tables of the layers' constants, defined."""
+    """Return the definitions of the tables of the layers' constants."""
     texts = []
     for name, rows in tables:
         inner = ",\n    ".join(f"{{{', '.join(f'{number(value)}f' for value in row)}}}" for row in rows)

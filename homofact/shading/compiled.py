@@ -1,7 +1,7 @@
-"""The program compiled for this machine's processor: many pairs of directions at once, in float32.
+"""Compile the shading program for the CPU, to evaluate many pairs of directions at once in float32.
 
-The same program that the shaders print becomes loops over blocks of pairs (`kernel_source`), which numba compiles into
-vector instructions. Blocks are shared by all threads.
+The program that is printed as shaders becomes loops over blocks of pairs (`kernel_source`), which numba compiles into
+vector instructions. The blocks are distributed over all threads.
 """
 
 import re
@@ -26,9 +26,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Compiled:
-    """A `Reflectance` that is evaluated by compiled code, in float32 whatever it is asked in.
+    """A `Reflectance` that compiled code evaluates, always in float32.
 
-    `source` is the Python source of the kernel, for who wants to read it.
+    `source` is the Python source of the kernel.
     """
 
     channels: tuple[str, ...]
@@ -37,14 +37,14 @@ class Compiled:
     _texels: tuple[np.ndarray, ...]
 
     def evaluate(self, wi: "Tensor", wo: "Tensor") -> "Tensor":
-        """Return BRDF values (N, C) in sr⁻¹, without the cosine, 0 under the horizon; float32 values in wi's type."""
+        """Return BRDF values (N, C) in sr⁻¹, without the cosine, 0 below the horizon; the type is that of wi."""
         import torch
 
         values = self.evaluate_array(*(w.detach().cpu().to(torch.float32).numpy() for w in (wi, wo)))
         return torch.from_numpy(values).to(wi)
 
     def evaluate_array(self, wi: np.ndarray, wo: np.ndarray, out: np.ndarray | None = None) -> np.ndarray:
-        """Return the same of float32 arrays (N, 3), into `out` (N, C) float32, row by row in memory, where it is given.
+        """Return the same values for float32 arrays (N, 3); `out` (N, C) is an optional C-contiguous result.
 
         Raises BadInput for other shapes or types.
         """
@@ -67,7 +67,7 @@ class Compiled:
 
 
 def compiled(fitted: "Fitted") -> Compiled:
-    """Return a fit ready for fast evaluation; the first evaluation compiles it, in seconds.
+    """Return a fit ready for fast evaluation; the first evaluation takes seconds, since it compiles the code.
 
     Raises BadInput for more than four channels.
     """
@@ -78,7 +78,7 @@ def compiled(fitted: "Fitted") -> Compiled:
 
 
 def compiled_program(program: Program, textures: Sequence[np.ndarray]) -> Compiled:
-    """Return a program with its decoded texels (rows, columns, C) float32 as a reflectance."""
+    """Return a reflectance that evaluates a program with decoded float32 texels (rows, columns, C)."""
     source, constants = kernel_source(program)
     functions = {name: getattr(float_functions, name) for name in ("exp", "log", "asinh", "atan2")}
     calls = {

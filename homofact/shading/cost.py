@@ -1,10 +1,10 @@
-"""What one evaluation of a program costs, counted on its expressions, in the manner of section 3.3 of the thesis.
+"""Count the operations of one evaluation of a program from its expressions, as in section 3.3 of the thesis.
 
-An operation is one operator or built-in function of the shading language, on a scalar or a vector alike: a GPU's
-instruction set of the thesis's time, and what it counts (dot products, sums, normalisations). `scalar` counts every
-component by itself (a dot product of three is five), as today's hardware issues them. Moving ωi and ωo into the
-surface frame, six dot products, is the renderer's and counted in neither; nor are fetches, constructors and swizzles,
-which select registers.
+An operation is one operator or built-in function of the shading language, on a scalar or a vector. This is how the
+thesis counts (dot products, sums, normalisations), for the GPU instructions of its time. `scalar` counts every
+component separately, as current hardware executes them; a dot product of three components counts as five. Neither count
+includes the transformation of ωi and ωo into the surface frame (six dot products), which the renderer does. Neither
+includes fetches, constructors and swizzles, which only select registers.
 """
 
 from collections import Counter
@@ -21,7 +21,7 @@ _FREE = {"constant", "name", "swizzle", "vector", "fetch", "cube", "table"}
 
 @dataclass(frozen=True)
 class EvaluationCost:
-    """Counts of one evaluation: operations by name, their number, scalar ones, fetches; bytes of all textures."""
+    """Counts of one evaluation: operations by name, scalar operations, fetches, bytes of all textures."""
 
     operations: dict[str, int]
     scalar: int
@@ -30,7 +30,7 @@ class EvaluationCost:
 
     @property
     def total(self) -> int:
-        """Operations, each operator or built-in once."""
+        """The number of operations, with each operator or built-in counted once per use."""
         return sum(self.operations.values())
 
     def record(self) -> dict[str, Any]:
@@ -45,13 +45,13 @@ class EvaluationCost:
 
 
 def cost_of(program: Program, nbytes: int) -> EvaluationCost:
-    """Return the counts of a program whose textures take `nbytes`."""
+    """Return the counts of a program whose textures have `nbytes` bytes."""
     operations, scalar, fetches = operations_of(program.statements, program.result)
     return EvaluationCost(operations, scalar, fetches, nbytes)
 
 
 def operations_of(statements: Sequence[Let], result: Expression) -> tuple[dict[str, int], int, int]:
-    """Return (operations by name, on scalars, fetches) of statements and a result."""
+    """Return (operations by name, number of scalar operations, number of fetches) of statements and a result."""
     expressions = [*(statement.expression for statement in statements), result]
     operations: Counter[str] = Counter()
     fetches = scalar = 0

@@ -1,7 +1,8 @@
-"""A program that reads a table and cube maps with levels, printed as C99: the table in the code, the texels given.
+"""Print a program with a table and prefiltered cube maps as C99; the code contains the table but not the cube maps.
 
-Four floats a texel, largest level first, in each the faces +x, −x, +y, −y, +z, −z, row by row: a KTX2's levels in the
-order of its index, as floats. Read as `rendering.cube` says.
+A cube map is an array with four floats per texel. The largest level comes first; each level has the faces +x, −x, +y,
+−y, +z, −z, row by row. These are the levels of a KTX2 file in the order of its index, converted to floats. Lookups are
+those of `rendering.cube`.
 """
 
 import numpy as np
@@ -90,9 +91,10 @@ static void {prefix}_cube(const float *sky, int side, int last, const float d[3]
 
 
 def c_light(program: Program, table: np.ndarray, prefix: str) -> str:
-    """One file of C99: `PREFIX_FUNCTION(texture_1, …, a, b, out)` of the program's two parameters, out three floats.
+    """Return a C99 file with `PREFIX_FUNCTION(texture_1, …, a, b, out)`: two parameters, and out with three floats.
 
-    Texture 0 of the program is the `table` (rows, columns, 4), the others are cube maps, whose texels are given.
+    Texture 0 of the program is the `table` (rows, columns, 4). The others are cube maps, whose texels the caller
+    passes.
     """
     title = "".join(f"/* {remark(line)} */\n" for line in program.title)
     given = ", ".join(f"const float {name}[3]" for name in program.parameters)

@@ -1,9 +1,9 @@
-"""A fit evaluated and drawn from in Dr.Jit, for Mitsuba: its programs, interpreted on Dr.Jit's arrays.
+"""Evaluate and sample a fit in Dr.Jit, for Mitsuba, by interpreting its shading programs on Dr.Jit arrays.
 
-Every number of the program is a constant of the traced kernel. It is the program that the shaders print, so that it
-holds in float32 where they do.
+Every number of the program is a constant of the traced kernel. The program is the one that is printed as shaders, so it
+is as accurate in float32 as the shaders.
 
-Import this module only where Mitsuba is (`mitsuba_bsdf.register` sees to that).
+Import this module only if Mitsuba is installed; `mitsuba_bsdf.register` does so.
 """
 
 from collections.abc import Callable
@@ -56,7 +56,7 @@ class DrJitFit:
         self.textures = [_texture(texture, mi) for texture in fitted.textures]
 
     def evaluate(self, wi: Any, wo: Any, active: Any) -> list[Any]:
-        """C values in sr⁻¹, without the cosine, for light `wi` and viewer `wo`; 0 where not `active`.
+        """Return C values in sr⁻¹, without the cosine, for light `wi` and viewer `wo`; 0 where not `active`.
 
         Both directions are Mitsuba's vectors, unit, and above the surface wherever `active`.
         """
@@ -107,7 +107,7 @@ def _interpreted(program: Program, textures: list[Any], mi: Any, directions: tup
 
 
 class DrJitMixture:
-    """The density that the shaders print, and directions drawn from it."""
+    """The sampling density of a fit, as in the exported shaders, and sampling of directions."""
 
     def __init__(self, mixture: LobeMixture, mi: Any) -> None:
         """Keep the statements; `mi` is the mitsuba module with a variant set."""
@@ -116,7 +116,7 @@ class DrJitMixture:
         self._constants = mixture.constants()
 
     def direction(self, wo: Any, u: list[Any]) -> Any:
-        """Return ωi for the viewers `wo`, from three numbers that are uniform in [0, 1)."""
+        """Sample ωi for the viewers `wo` from three uniform random numbers in [0, 1)."""
         values = {"wo": [wo.x, wo.y, wo.z], "u": u, **self._constants}
         return self._mi.Vector3f(*interpret(self._sample, values, _FUNCTIONS)["wi"])
 

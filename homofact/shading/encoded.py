@@ -1,4 +1,4 @@
-"""A texture as it is stored (`encoding` makes it so), and what a shader finds in it. No torch is loaded here."""
+"""A texture as it is stored in a file by `encoding`, and the values that a shader decodes. Does not import torch."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,10 +16,10 @@ LEVELS = {"unorm8": 255, "unorm16": 65535}
 
 @dataclass(frozen=True)
 class Encoded:
-    """A texture as it goes into a file (`containers.formats`), and how its texels become logarithms.
+    """A texture as it is stored in a file (`containers.formats`), with the scale and bias that decode its texels.
 
-    `stored` (rows, columns, C) is float32, float16 (BC6H too: what its encoder is given), uint8 or uint16; `scale` and
-    `bias` are (C,) float64.
+    `stored` (rows, columns, C) is float32, float16, uint8 or uint16; for BC6H it is the float16 input of the encoder.
+    `scale` and `bias` are (C,) float64.
     """
 
     storage: str
@@ -29,7 +29,7 @@ class Encoded:
 
     @cached_property
     def sampled(self) -> np.ndarray:
-        """Return the values of a sampler at texel centres, integers undivided: `stored` after block compression."""
+        """Return the values at texel centres: `stored` after block compression, integers not scaled to [0, 1]."""
         if self.storage != "bc6h":
             return self.stored
         rows, columns, channels = self.stored.shape
@@ -39,7 +39,7 @@ class Encoded:
 
     @property
     def values(self) -> np.ndarray:
-        """The texels (rows, columns, C) float64 that a sampler gives at texel centres, decoded by the shader."""
+        """The decoded texels (rows, columns, C) in float64, as a shader computes them at texel centres."""
         return self.sampled.astype(np.float64) / LEVELS.get(self.storage, 1) * self.scale + self.bias
 
     def decoded(self) -> "Tensor":
@@ -50,6 +50,6 @@ class Encoded:
 
 
 def plain(texels: np.ndarray) -> Encoded:
-    """Return texels (rows, columns, C) as float32, which a shader takes as they are."""
+    """Return texels (rows, columns, C) as float32 with scale 1 and bias 0."""
     channels = texels.shape[2]
     return Encoded("float32", texels.astype(np.float32), np.ones(channels), np.zeros(channels))

@@ -6,11 +6,12 @@ the shader decodes the result. float16 stores 11 bits of a number. Its bias is t
 keeps the numbers small.
 
 BC6H (`containers.bc6h`) interpolates the bit patterns of halves: linearly within a power of two, geometrically across
-several, and with large errors through zero, near which it is finest. So a texture's range is kept on one side of zero.
-With R the range of the widest channel, t = (p − bias)/R runs from a to a + 1, or from −a − 1 to −a, where each channel
-begins at the same end. One scale for all channels gives them equal weight in the error that the blocks minimise. The
-best distance a from zero depends on the texture: a small a is fine at one end, a large one is even. Both signs of three
-values of a are tried, and the one with the least error inside the mask is kept.
+several, and with large errors through zero, near which it is finest. So the stored values of a texture have one sign.
+Let R be the range of the widest channel. Then t = (p − bias)/R lies in [a, a + 1] or in [−a − 1, −a], and every channel
+starts at the end nearest to zero. All channels have the same scale, so they have equal weight in the error that the
+encoder minimises. The best distance a from zero depends on the texture: a small a gives high precision at one end of
+the range, a large a gives even precision. The encoder tries both signs of three values of a, and keeps the one with the
+smallest error inside the mask.
 """
 
 from itertools import product
@@ -30,15 +31,14 @@ _STARTS = (0.0, 0.125, 0.5)
 
 
 def as_floats(texture: Tensor | np.ndarray) -> Encoded:
-    """Return the texture as float32, which a shader takes as it is."""
+    """Return the texture as float32 with scale 1 and bias 0."""
     return plain(as_array(texture))
 
 
 def encode_texture(texture: Texture, storage: str) -> Encoded:
-    """Return a fit's texture in a storage, as `encode`.
+    """Return a fit's texture in a storage format (see `encode`).
 
-    One that was fitted to whole numbers (`factor.quantize`) keeps its own scale and bias in that storage, and loses
-    nothing.
+    A texture that was quantized for this storage (`factor.quantize`) keeps its scale and bias, so encoding is lossless.
     """
     return encode(texture.texels, texture.mask, storage, texture.grid)
 
@@ -46,9 +46,9 @@ def encode_texture(texture: Texture, storage: str) -> Encoded:
 def encode(
     texture: Tensor | np.ndarray, mask: Tensor | np.ndarray, storage: str, grid: QuantizationGrid | None = None
 ) -> Encoded:
-    """Return a texture (rows, columns, C) in a storage; texels outside the mask are clipped to the range inside.
+    """Encode a texture (rows, columns, C); except for float32, texels are clipped to the range inside the mask.
 
-    Raises BadInput for a storage that is none, and for bc6h where C is not 1 or 3 or a side no multiple of 4.
+    Raises BadInput for an unknown storage, and for bc6h if C is not 1 or 3 or a side is not a multiple of 4.
     """
     if storage not in STORAGES:
         raise BadInput(where="storage", found=repr(storage), expected=f"one of {', '.join(STORAGES)}")

@@ -1,14 +1,15 @@
 """exp, log, atan2 and asinh in float32 as a few additions and products each, for loops that compilers vectorise.
 
-A call of the C library stops vectorisation; these have no calls, branches or tables. Each reduces its argument and
-takes a polynomial fitted at import, in Chebyshev nodes, to the function itself:
+A call of the C library prevents vectorisation. These functions have no calls, branches or tables. Each reduces its
+argument and evaluates a polynomial, which is fitted to the exact function at Chebyshev nodes when the module is
+imported:
 
     exp x   = 2^k exp r,      k = round(x/log 2), |r| ≤ log(2)/2
     log x   = k log 2 + log m,     x = 2^k m, m in [√½, √2), log m = t P(t²), t = (m − 1)/(m + 1)
     atan a  = a P(a²)         on [0, 1]; the other octants by symmetry
 
-Their errors are a few units in the last place (tests/shading/test_compiled.py). 2^k is made, and k read, in the bits of
-the number.
+Their errors are a few units in the last place (tests/shading/test_compiled.py). 2^k and k are computed from the bits of
+the floating-point number.
 """
 
 import math
@@ -60,7 +61,7 @@ def _polynomial(coefficients, x):  # pragma: no cover (compiled)
 
 @njit(fastmath=True, error_model="numpy")
 def exp(x):  # pragma: no cover (compiled)
-    """e^x; x is cut at −87 and 88, where float32 ends."""
+    """Return e^x, with x clamped to [−87, 88], the range of float32."""
     x = min(max(x, _LEAST), _MOST)
     k = np.floor(x * _PER_LOG + _HALF)
     r = x - k * _LOG_HIGH - k * _LOG_LOW
@@ -81,7 +82,7 @@ def log(x):  # pragma: no cover (compiled)
 
 @njit(fastmath=True, error_model="numpy")
 def asinh(x):  # pragma: no cover (compiled)
-    """asinh x for x ≥ 0, to an absolute error of some 1e-7."""
+    """Return asinh x for x ≥ 0, with an absolute error of about 1e-7."""
     return log(x + np.sqrt(x * x + _ONE))
 
 

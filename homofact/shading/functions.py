@@ -1,4 +1,4 @@
-"""Functions of vectors that need no texture, printed in the four languages behind the evaluation of a fit."""
+"""Functions of vectors without textures, printed in the four languages after the evaluation function of a fit."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -20,9 +20,10 @@ _LAYERS = {GLSL.name: "int layer", HLSL.name: "int layer", WGSL.name: "layer: i3
 
 @dataclass(frozen=True)
 class Function:
-    """PREFIX_`name` of vectors (3,) called `parameters`, its value `result`; `comment` are lines above it.
+    """The shader function PREFIX_`name`, with vector parameters (3,) and the value `result`.
 
-    With `tables`, whose rows are those of layers, the layer is its last parameter.
+    `parameters` are the names of the parameters, and `comment` has the comment lines above the function. With `tables`,
+    which have one row per layer, the layer is an additional last parameter.
     """
 
     name: str
@@ -39,9 +40,9 @@ def sampling_functions(mixture: LobeMixture) -> tuple[Function, Function]:
 
 
 def sampling_of_layers(mixtures: Sequence[LobeMixture]) -> tuple[Function, Function]:
-    """Return `PREFIX_sample(wo, u, layer)` and `PREFIX_density(wi, wo, layer)`: layer k has the mixture number k.
+    """Return `PREFIX_sample(wo, u, layer)` and `PREFIX_density(wi, wo, layer)`; layer k uses mixture k.
 
-    The mixtures have the same coordinates (`mixture_fit.fitted_mixtures`).
+    All mixtures must use the same coordinates (see `mixture_fit.fitted_mixtures`).
     """
     return _sampling(mixtures, *parameter_tables(mixtures))
 
@@ -86,7 +87,7 @@ def _tables_of(functions: Sequence[Function]) -> Tables:
 
 
 def functions_text(functions: Sequence[Function], language: Language, prefix: str = "homofact") -> str:
-    """Return the functions' text, to stand behind that of a shader."""
+    """Return the source of the functions, to append to that of a shader."""
     tables = tables_text(_tables_of(functions), language, prefix)
     texts = [f"\n{tables}"] if tables else []
     for function in functions:
@@ -101,7 +102,7 @@ def functions_text(functions: Sequence[Function], language: Language, prefix: st
 
 
 def functions_in_c(functions: Sequence[Function], prefix: str = "homofact") -> str:
-    """Return the functions in C99: a number is returned, a vector written to the last argument."""
+    """Return the functions in C99; they return a scalar, or write a vector to the last argument."""
     tables = tables_in_c(_tables_of(functions), prefix).rstrip("\n")
     texts = [f"\n{tables}\n"] if tables else []
     for function in functions:

@@ -1,10 +1,10 @@
-"""A GGX model in the expressions that shaders are printed from: the formula of `brdf.analytic.ggx`, without textures.
+"""Express a GGX model, with the formula of `brdf.analytic.ggx`, as shader expressions without textures.
 
-The model's numbers are constants. With m = ωi + ωo, cosθd = |m|/2 and sin²θh = (mx² + my²)/|m|², so that
+The parameters of the model are constants. With m = ωi + ωo, cosθd = |m|/2 and sin²θh = (mx² + my²)/|m|², so
 
     cos²θh (α² − 1) + 1 = α² + sin²θh (1 − α²),
 
-which in 32 bits keeps the digits of a narrow highlight that the left side loses by cancellation.
+The right side is accurate for a narrow highlight in float32; the left side loses its digits by cancellation.
 """
 
 import math
@@ -18,7 +18,7 @@ _LEAST_SQUARE = 1e-12
 
 
 def ggx_statements(model: GgxBrdf) -> tuple[list[Let], Expression]:
-    """Return the statements over wi and wo (3,), and the value (C,) in sr⁻¹ above the horizon."""
+    """Return statements in wi and wo (3,), and the expression of the value (C,) in sr⁻¹, valid above the horizon."""
     wi, wo, m = variable("wi", 3), variable("wo", 3), variable("m", 3)
     square, rest = variable("square", 1), variable("rest", 1)
     statements = [

@@ -1,14 +1,16 @@
-"""The shading program as Python source for numba: loops over a block of pairs of directions.
+"""Convert the shading program to Python source for numba, with loops over a block of pairs of directions.
 
-Statements are sorted by how many fetches lie before them. Those of one depth are a loop over the block without calls
-or branches (`float_functions`), or several where there are many constants, which the compiler turns into vector
-instructions; the last one also finds where the fetches of that depth read. A fetch is a loop of its own in which the
-channels of its four texels are the vectors (`vector_code.bilinear`); texels of three channels are stored as four
-numbers. Between loops the block's values wait in rows of one buffer that stays in the nearest caches.
+The depth of a statement is the number of fetches on which it depends. The statements of one depth form a loop over the
+block without calls or branches (`float_functions`), or several loops if there are many constants, which the compiler
+turns into vector instructions. The last of these loops also computes the places of the next fetches. Each fetch is a
+separate loop, in which the vectors are the channels of its four texels (`vector_code.bilinear`); texels of three
+channels are stored as four numbers. Between loops, the values of the block are stored in rows of one buffer that fits
+into the fastest caches.
 
-A block is always computed whole, of which only the pairs that there are are read and written: a loop over fewer would
-end with pairs that the compiler does one by one, and those are rounded otherwise (a vector division is a reciprocal's
-estimate, refined once). So a pair's value does not hang on its place nor on how many others there are.
+A block is always computed completely, even if it contains fewer pairs; only existing pairs are read and written. In a
+shorter loop, the compiler would compute the last pairs one by one, and scalar code rounds differently (a vector
+division is a refined estimate of the reciprocal). So the value of a pair does not depend on its position or on the
+number of pairs.
 """
 
 from collections.abc import Sequence
@@ -31,7 +33,7 @@ OWN = (
 
 
 def texel_width(channels: int) -> int:
-    """Return numbers that a texel of so many channels takes: a vector's size."""
+    """Return the number of floats per stored texel: the channels rounded up to a power of two."""
     return 1 << (channels - 1).bit_length()
 
 
@@ -101,7 +103,7 @@ class _Source:
 
 
 def kernel_source(program: Program) -> tuple[str, dict[str, np.float32]]:
-    """Return (source of `kernel(wi, wo, values, *textures)`, its constants by name).
+    """Return the source of `kernel(wi, wo, values, *textures)` and its constants by name.
 
     Arrays are flat: directions and values of all pairs one after the other, textures with `texel_width` numbers per
     texel. Raises BadInput if two names of the program would be equal in the kernel.

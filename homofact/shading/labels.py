@@ -1,7 +1,7 @@
-"""The lookup of a material by its label: an integer texture says for each of its texels which layer is evaluated.
+"""Select the layer of a material by label: an integer texture has the layer number for each texel.
 
-Labels do not interpolate, so the texel that (u, v) in [0, 1]² falls into is read, without a sampler; row 0 is at
-v = 0. Where a pixel is to be shared by its neighbours' materials, evaluate each and mix the values.
+Labels cannot be interpolated. So the lookup reads the texel that contains (u, v) in [0, 1]² without a sampler; row 0 is
+at v = 0. To blend materials at their borders, evaluate each material and mix the values.
 """
 
 from homofact.shading.languages import GLSL, HLSL, WGSL, Language
@@ -46,10 +46,10 @@ int {prefix}_layer(const unsigned char *labels, int rows, int columns, const flo
 
 
 def label_lookup(language: Language, textures: int) -> str:
-    """Return `PREFIX_layer(uv)` and the declaration of the texture of labels, behind a shader of so many textures."""
+    """Return `PREFIX_layer(uv)` and the declaration of the label texture, to append to a shader."""
     return "\n" + _LOOKUPS[language.name].format(prefix="homofact", next=textures, after=textures + 1)
 
 
 def label_lookup_in_c() -> str:
-    """Return `PREFIX_layer(labels, rows, columns, uv)` behind the C code of a shader."""
+    """Return `PREFIX_layer(labels, rows, columns, uv)` to append to the C code of a shader."""
     return _C.format(prefix="homofact")

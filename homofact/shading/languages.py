@@ -1,4 +1,4 @@
-"""The program printed as GLSL ES 3.00, HLSL and WGSL, and in the dialects of MaterialX, Godot and three.js.
+"""Print the shading program as GLSL ES 3.00, HLSL and WGSL, and in the dialects of MaterialX, Godot and three.js.
 
 All are functions to paste into a shader: `PREFIX_evaluate(wi, wo)` and the declarations of its textures. A fetch
 specifies its level, so it is valid in any control flow and any stage. The value is a vector with one component per
@@ -19,11 +19,12 @@ _RANK = {"+": 1, "-": 1, "*": 2, "/": 2}
 
 @dataclass(frozen=True)
 class Language:
-    """How a language writes types, constants, names of functions, statements, fetches and the whole.
+    """Templates with which a language writes types, constants, function names, statements, fetches and the shader.
 
-    `widen` says that a function of a vector and a scalar wants both as vectors (WGSL). `layered` is the fetch of a
-    texture array, `cube` that of a cube map at a level, `table` how a table of vectors of a layer's constants is
-    declared, `sampler` the name of the sampler of a prefix, where textures have none of their own.
+    `widen` is True if a function of a vector and a scalar requires both as vectors (WGSL). `layered` is the fetch from
+    a texture array, and `cube` the fetch from a cube map at a level. `table` is the declaration of a table with one
+    vector of constants per layer. `sampler` is the name of the shared sampler, for languages in which textures have no
+    sampler of their own.
     """
 
     name: str
@@ -42,7 +43,7 @@ class Language:
 
 
 def number(value: float) -> str:
-    """A constant as float32 holds it, in as few digits as read back to it."""
+    """Return a constant as the shortest text that reads back as the same float32."""
     single = np.float32(value)
     # str() obeys numpy's print options, which colour-science sets to an older style of fewer digits.
     if single == 0 or 1e-4 <= abs(single) < 1e16:
@@ -51,16 +52,17 @@ def number(value: float) -> str:
 
 
 def remark(text: str) -> str:
-    """A comment's text on one line and without what begins or ends one: names of files and channels may hold both.
+    """Return comment text on one line without comment delimiters, which names of files and channels may contain.
 
-    A backslash at the end would carry a line comment on to the code below it.
+    If the text ends with a backslash, a full stop is appended, since the backslash would extend a line comment to the
+    next line of code.
     """
     line = on_one_line(text).replace("*/", "* /").replace("/*", "/ *")
     return f"{line} ." if line.endswith("\\") else line
 
 
 def infix(expression: Expression, left: str, right: str) -> str:
-    """The text of an infix operator on operands that are printed already, parenthesised where that is needed."""
+    """Return the text of an infix operator on printed operands, with parentheses if needed."""
     kind, operands = expression.kind, expression.operands
     if _RANK.get(operands[0].kind, 3) < _RANK[kind]:
         left = f"({left})"
@@ -76,7 +78,7 @@ def infix(expression: Expression, left: str, right: str) -> str:
 
 
 def render(expression: Expression, language: Language, prefix: str, layered: bool = False) -> str:
-    """The expression's text, with no more parentheses than it needs; fetches of arrays where it is `layered`."""
+    """Return the text of an expression with minimal parentheses; `layered` selects fetches from texture arrays."""
     kind, operands = expression.kind, expression.operands
     if kind == "constant":
         inner = [number(value) for value in expression.values]
@@ -120,7 +122,7 @@ def render(expression: Expression, language: Language, prefix: str, layered: boo
 
 
 def shader(program: Program, language: Language, prefix: str = "homofact") -> str:
-    """The program's text: declarations, one function, comments. `prefix` begins every global name."""
+    """Return the text of a program: declarations, one function, comments. All global names start with `prefix`."""
     body = body_text(program.statements, program.result, language, prefix, program.layers > 0)
     title = "\n".join(f"// {remark(line)}" for line in program.title)
     return f"{title}\n{tables_text(program.tables, language, prefix)}" + language.frame(program, body, prefix)
@@ -129,7 +131,7 @@ def shader(program: Program, language: Language, prefix: str = "homofact") -> st
 def body_text(
     statements: Sequence[Let], result: Expression, language: Language, prefix: str, layered: bool = False
 ) -> str:
-    """The lines of a function that returns `result`, without its head and its braces."""
+    """Return the body lines of a function that returns `result`, without signature and braces."""
     lines = []
     for statement in statements:
         if statement.comment:
@@ -142,7 +144,7 @@ def body_text(
 
 
 def tables_text(tables: Tables, language: Language, prefix: str) -> str:
-    """The tables of the layers' constants, declared."""
+    """Return the declarations of the tables of the layers' constants."""
     lines = []
     for name, rows in tables:
         kind = language.types[len(rows[0]) - 1]

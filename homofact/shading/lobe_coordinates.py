@@ -1,20 +1,21 @@
-"""Polar coordinates of directions around the mirror direction, in which lobes are simple: as expressions.
+"""Polar coordinates of directions around the mirror direction, in which lobes are simple, as shader expressions.
 
-Seen from ωo, every direction above the horizon has an angle φ and a radius 0 < r < R(φ); at R it meets the horizon.
-A place v on the ray at φ is even in the logarithm of r, with which lobes fall.
+For a viewer ωo, every direction above the horizon has an angle φ and a radius 0 < r < R(φ) about the mirror direction;
+the ray at φ meets the horizon at R. The coordinate v along the ray is roughly uniform in log r, since lobes fall with
+log r.
 
-An isotropic material uses a disc: x = ω.xy/√(1 + ωz) maps the hemisphere onto the unit disc and keeps areas, dω = 2 dx
+For an isotropic material, x = ω.xy/√(1 + ωz) maps the hemisphere onto the unit disc and preserves areas, dω = 2 dx
 (Lambert). The mirror direction is at −x(ωo), and
 
     x(ωi) + x(ωo) = r e(φ),   dω = 2 r dr dφ,   R = b + √(b² + zo),   b = e·x(ωo),
     v = log((1 + r/σ)/(1 − κ r))/L,   κ = 1/(R (1 + E)),   dr/dv = L (r + σ)(1 − κ r)/(1 + κ σ),
 
-e(φ) a unit vector at the angle φ from ωo.xy. R solves |R e − x(ωo)| = 1 with |x(ωo)|² = 1 − zo. v is in [0, 1]; L makes
-it 1 at R. κ also places nodes close to each other before the horizon, where a material seen at a grazing angle reflects
-much towards the viewer: without it, half of the variance of a white paint at 80° came from the last cell.
+e(φ) a unit vector at the angle φ from ωo.xy. R solves |R e − x(ωo)| = 1 with |x(ωo)|² = 1 − zo. v is in [0, 1], and L
+scales it to 1 at R. κ also makes nodes dense near the horizon, where a material at a grazing view reflects much light.
+Without κ, half of the variance of a white paint at 80° came from the last cell.
 
-On an anisotropic material, lobes are ellipses of the half vector's slopes m = (ωi + ωo).xy/(ωi + ωo).z. A symmetric
-matrix A with |A| = 1 makes them circles, so that with s = r/√(1 − r²)
+On an anisotropic material, lobes are ellipses in the slopes of the half vector, m = (ωi + ωo).xy/(ωi + ωo).z. A
+symmetric matrix A with determinant 1 maps circles to these ellipses, so that with s = r/√(1 − r²)
 
     m = s A e(φ),   dω = 4 (h·ωo) dωh = 4 (m·ωo.xy + zo)/(1 + |m|²)² · r dr dφ/(1 − r²)²,
     v = log(1 + r/σ)/log(1 + 1/σ),
@@ -23,7 +24,7 @@ e(φ) at the angle φ from A⁻¹ ωo.xy. The mirrored direction reaches the hor
 elevation of ωo in the plane through n and h (`geometry.quadrature`): with d = A e and b = d·ωo.xy/|d|, at the slope
 s = (b + √(b² + zo²))/(zo |d|). There v is below 1, at the same r/σ whatever the azimuth of the viewer.
 
-Of both forms of a quadratic's root, the code uses the one that subtracts nothing.
+Of the two forms of the root of a quadratic, the code uses the one without a subtraction, to avoid cancellation.
 """
 
 import math
@@ -37,7 +38,7 @@ _EDGE = 0.2  # E
 
 
 def viewer_statements(grained: bool) -> list[Let]:
-    """Statements over wo (3,) to what belongs to the viewer alone: "level" is the place between values of θo."""
+    """Return statements that compute the values that depend only on wo (3,): "level" is the place between θo nodes."""
     wo, far = variable("wo", 3), variable("far", 1)
     fourth = far * far
     # Along the normal there is no azimuth.
@@ -53,7 +54,7 @@ def viewer_statements(grained: bool) -> list[Let]:
 
 
 def place_statements(grained: bool) -> list[Let]:
-    """Statements from wi (3,) to `around` = |φ| (PHIS − 1)/π and `place` = v RADII; they follow the viewer's."""
+    """Return statements that compute `around` = |φ| (PHIS − 1)/π and `place` = v RADII from wi, after the viewer's."""
     wi, both, axis, even = variable("wi", 3), variable("both", 3), variable("axis", 2), variable("even", 2)
     nearly, length, r = constant(_NEAR, 0), variable("even_length", 1), variable("r", 1)
     if grained:
@@ -80,7 +81,7 @@ def place_statements(grained: bool) -> list[Let]:
 
 
 def ray_statements(grained: bool) -> list[Let]:
-    """Statements from `around` and `side` = ±1, the sign of φ, to the ray and its `limit`; they follow the viewer's."""
+    """Return statements for the ray and its `limit` from `around` and `side`, the sign of φ, after the viewer's."""
     axis, unit, turned, even = variable("axis", 2), variable("unit", 2), variable("cos_sin", 2), variable("even", 2)
     turn = variable("phi", 1)
     return [
@@ -94,7 +95,7 @@ def ray_statements(grained: bool) -> list[Let]:
 
 
 def found_statements(grained: bool) -> list[Let]:
-    """Statements from the ray and `place` to the direction "found" (3,) there, and "spread"."""
+    """Return statements that compute the direction "found" (3,) and "spread" from the ray and `place`."""
     ray, r, place = variable("ray", 2), variable("r", 1), variable("place", 1)
     growth = call("exp", place * variable("whole_log", 1) * (1 / RADII)) - 1
     scale, edge = variable("scale", 1), variable("edge", 1)
@@ -116,7 +117,7 @@ def found_statements(grained: bool) -> list[Let]:
 
 
 def spread_statements(grained: bool) -> list[Let]:
-    """dω/(dv dφ) as "spread", at r on the ray."""
+    """Return statements that compute "spread" = dω/(dv dφ) at the radius r on the ray."""
     r, scale, edge = variable("r", 1), variable("scale", 1), variable("edge", 1)
     disc = r * (scale + r) * variable("whole_log", 1)
     if not grained:
@@ -181,7 +182,7 @@ def _log(y: Expression) -> Expression:
 
 
 def stretched(w: Expression) -> Expression:
-    """A w."""
+    """Return A w."""
     grain = variable("grain", 3)
     return vector(grain.x * w.x + grain.y * w.y, grain.y * w.x + grain.z * w.y)
 

@@ -1,17 +1,18 @@
-"""Where to look for light: a small table that follows the lobe of a material, drawn from and with its density.
+"""Importance sampling of a material: a small table that approximates its lobe, with sampling and density.
 
-Seen from ωo, a direction ωi above the horizon has an angle φ round the mirror direction and a place v in [0, V(φ)]
-on its way to the horizon (`lobe_coordinates`), dω = s dv dφ. With 2 for the sign of φ,
+For a viewer ωo, a direction ωi above the horizon has an angle φ about the mirror direction and a coordinate v in [0,
+V(φ)] between the mirror direction and the horizon (`lobe_coordinates`), dω = s dv dφ. The factor 2 in the denominator
+accounts for the sign of φ:
 
     p(ωi | ωo) = c cosθi/π + (1 − c) m(|φ|)/∫m dφ · g(v, |φ|)/∫g dv/(2 s).
 
-c, m and g are linear between `THETAS` values of θo, at even steps of (a + a⁹)/2, a = √(1 − cosθo): close to each other
-where a view grazes. m and g are linear between `PHIS` values of φ, and g is linear in v between 0, where g = 0, and
-`RADII` more values. The integrals of piecewise linear functions are exact, so that p integrates to 1 whatever the table
-holds, and roots of quadratics draw from it. No direction is lost under the horizon.
+c, m and g are linear between `THETAS` values of θo, at even steps of (a + a⁹)/2 with a = √(1 − cosθo). These nodes are
+dense at grazing views. m and g are linear between `PHIS` values of φ, and g is linear in v between 0, where g = 0, and
+`RADII` more values. The integrals of piecewise linear functions are exact, so p integrates to 1 for any table. Sampling
+solves quadratic equations, and all sampled directions are above the horizon.
 
-The table has (PHIS RADII + PHIS + 1) THETAS numbers, which half floats hold: 1.9 KiB. The density and the sampling are
-expressions (`lobe_statements`). The shaders print them, Mitsuba and `LobeMixture` interpret them.
+The table has (PHIS RADII + PHIS + 1) THETAS numbers, which take 1.9 KiB as half floats. The density and the sampling
+are expressions (`lobe_statements`). They are printed as shaders, and Mitsuba and `LobeMixture` interpret them.
 """
 
 from collections.abc import Mapping, Sequence
@@ -33,11 +34,12 @@ LEAST = 1 / 256  # share of the cosine: no weight f cosθi/p is above π f/LEAST
 
 @dataclass(frozen=True)
 class LobeMixture:
-    """The density of the module's head.
+    """The density that the module docstring defines.
 
     `lobe` (THETAS, PHIS, RADII) is g and `turns` (THETAS, PHIS) is m, both > 0 and of any scale; `cosine` (THETAS,) is
-    c in (0, 1]. All are float64 and half floats. `scale` is σ > 0, `grain` the entries xx, xy, yy of A, and
-    `grained` whether the coordinates are those of an anisotropic material, which an isotropic one may have as well.
+    c in (0, 1]. All are float64 tensors whose values are representable as half floats. `scale` is σ > 0, and `grain`
+    has the entries xx, xy, yy of A. `grained` is True for the coordinates of an anisotropic material, which an
+    isotropic material may also use.
     """
 
     lobe: Tensor
@@ -49,7 +51,7 @@ class LobeMixture:
 
     @property
     def isotropic(self) -> bool:
-        """Whether it looks the same from every azimuth."""
+        """Whether the density does not depend on the azimuth of the viewer."""
         return self.grain == ROUND
 
     @property
@@ -58,17 +60,17 @@ class LobeMixture:
         return 2 * self.rows().numel() + 4 * 4
 
     def rows(self) -> Tensor:
-        """The table as rows of four numbers (N, 4): g by θo, φ and v, then m by φ and c for each θo."""
+        """Return the table as rows of four numbers (N, 4): g by θo, φ and v, then for each θo m by φ, and c."""
         turns = torch.cat((self.turns, self.cosine[:, None]), 1)
         return torch.cat((self.lobe.reshape(-1, 4), turns.reshape(-1, 4)))
 
     def density(self, wi: Tensor, wo: Tensor) -> Tensor:
-        """p(ωi | ωo) (N,) in sr⁻¹ of unit vectors (N, 3); 0 where a direction is under the horizon."""
+        """Return p(ωi | ωo) (N,) in sr⁻¹ for unit vectors (N, 3); 0 if a direction is below the horizon."""
         values = self._values(wo) | {"wi": list(wi.unbind(-1))}
         return interpret(density_statements(self.grained), values, TORCH)["density"][0]
 
     def draw(self, wo: Tensor, u: Tensor) -> Tensor:
-        """ωi (N, 3) for viewers (N, 3) and points u (N, 3) of the unit cube; unit, above the horizon."""
+        """Sample unit vectors ωi (N, 3) above the horizon, for viewers (N, 3) and points u (N, 3) of the unit cube."""
         values = self._values(wo) | {"u": list(u.unbind(-1))}
         return torch.stack(interpret(sample_statements(self.grained), values, TORCH)["wi"], -1)
 
@@ -82,7 +84,7 @@ class LobeMixture:
         return {"scale": [self.scale], "grain": [*self.grain], **rows}
 
     def describe(self) -> dict[str, Any]:
-        """JSON-able; `restored` reads it back."""
+        """Return a JSON-able description, which `restored` reads."""
         return {
             "kind": "cosine and a table round the mirror direction",
             "scale": self.scale,
@@ -95,18 +97,18 @@ class LobeMixture:
 
 
 def restored(record: Mapping[str, Any]) -> LobeMixture:
-    """The mixture that `LobeMixture.describe` wrote."""
+    """Return the mixture of a description that `LobeMixture.describe` made."""
     lobe, turns, cosine = (torch.tensor(record[name], dtype=torch.float64) for name in ("lobe", "turns", "cosine"))
     return LobeMixture(lobe, turns, cosine, record["scale"], tuple(record["grain"]), record["grained"])
 
 
 def halves(values: Tensor) -> Tensor:
-    """The half floats nearest to the values, in float64."""
+    """Return values rounded to half floats, as float64."""
     return torch.from_numpy(values.numpy().astype(np.float16).astype(np.float64))
 
 
 def printed(statements: Sequence[Let], values: Mapping[str, Any]) -> tuple[Let, ...]:
-    """The statements with the parameters as constants, or as the expressions that `values` has for them."""
+    """Return statements with the parameters replaced by constants, or by the expressions in `values`."""
     given = {
         name: value if isinstance(value, Expression) else tuple(map(float, value)) for name, value in values.items()
     }
@@ -114,7 +116,7 @@ def printed(statements: Sequence[Let], values: Mapping[str, Any]) -> tuple[Let, 
 
 
 def parameter_tables(mixtures: Sequence[LobeMixture]) -> tuple[dict[str, Expression], Tables]:
-    """(each parameter as what reads it from tables at the layer, the tables): a row for each of `mixtures`."""
+    """Return (expressions that read each parameter from tables at the layer, the tables with a row per mixture)."""
     shape = table("lobes_shape", 4)
     reading: dict[str, Expression] = {"grain": shape.xyz, "scale": shape.w}
     tables = [("lobes_shape", tuple((*each.grain, each.scale) for each in mixtures))]

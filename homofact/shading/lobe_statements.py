@@ -1,8 +1,8 @@
-"""The density and the sampling of `lobe_mixture` as expressions, which derives them: printed, interpreted, fitted.
+"""The density and the sampling of `lobe_mixture` as expressions, for printing, interpreting and fitting.
 
 Parameters are "scale" σ, "grain" A (xx, xy, yy) and the rows of the table, four numbers each (`row_names`): g by θo, φ
-and v, then two rows for each θo, m by φ and c. The code has no loop, branch or index: what is linear between nodes is a
-sum over all of them, with weights max(0, 1 − |place − node|), of which GPUs add up four in an instruction.
+and v, then two rows for each θo, m by φ and c. The code has no loop, branch or index. A function that is linear between
+nodes is a sum over all nodes with weights max(0, 1 − |place − node|); a GPU adds four of them per instruction.
 """
 
 import math
@@ -31,7 +31,7 @@ def row_names() -> tuple[str, ...]:
 
 
 def density_statements(grained: bool) -> list[Let]:
-    """Statements over wi, wo (3,), the parameters and the table; the last is "density"."""
+    """Return statements in wi, wo (3,), the parameters and the table; the last one defines "density"."""
     wi, wo, cosine = variable("wi", 3), variable("wo", 3), variable("turns_1", 4).w
     made = [
         *_seen(grained),
@@ -53,7 +53,7 @@ def density_statements(grained: bool) -> list[Let]:
 
 
 def sample_statements(grained: bool) -> list[Let]:
-    """Statements over wo, u (3,), the parameters and the table; the last is "wi"."""
+    """Return statements in wo, u (3,), the parameters and the table; the last one defines "wi"."""
     u, radius, turn, lobe = (
         variable("u", 3),
         variable("cosine_radius", 1),

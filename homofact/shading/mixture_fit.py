@@ -1,15 +1,15 @@
-"""A mixture fitted to a reflectance: the table from which light is drawn with the least noise.
+"""Fit a mixture to a reflectance: the table with the least noise in importance sampling.
 
 With q = f cosθi/∫ f cosθi dωi, f the mean of the channels, the relative variance of the estimator f cosθi/p with one
-direction is ∫ q²/p dωi − 1. The table minimises the mean over viewers of log ∫ q²/p, the Rényi divergence of order 2
-of q from p: a viewer whose light is hard to find does not outweigh all others. p is linear in the table where its
-integrals are 1, so that ∫ q²/p is convex, and L-BFGS over the logarithms of the table finds the minimum from any start;
-it starts at q, averaged round each node. The integrals are midpoint sums over v and φ, which have the same edges as p.
-σ is the best of `_SCALES`, which are tried with a few steps each.
+direction is ∫ q²/p dωi − 1. The fit minimises the mean over viewers of log ∫ q²/p, the Rényi divergence of order 2 of q
+from p. Because of the logarithm, a viewer with high variance does not outweigh all others. If the integrals of the
+table are 1, p is linear in the table, so ∫ q²/p is convex. L-BFGS over the logarithms of the table finds the minimum
+from any start. It starts at q, averaged around each node. The integrals are midpoint sums over v and φ, whose cells
+have the same edges as those of p. σ is the best of `_SCALES`; each is tried with a few steps.
 
-The grain A of an anisotropic material is the root of the shape Σ of its lobe: the slopes of half vectors s, weighted by
-q², satisfy Σ ∝ E[s sᵀ/(1 + sᵀΣ⁻¹s)], which gives tails no weight (Tyler 1987, Kent and Tyler 1991). Σ's own size is
-that of the lobe.
+The grain A of an anisotropic material is the matrix square root of the shape Σ of its lobe, scaled to determinant 1.
+With half-vector slopes s, weighted by q², Σ solves Σ ∝ E[s sᵀ/(1 + sᵀΣ⁻¹s)], an estimator that is robust to tails
+(Tyler 1987, Kent and Tyler 1991). The size of Σ is that of the lobe.
 
 - Tyler 1987: a distribution-free M-estimator of multivariate scatter. Annals of Statistics 15.
 - Kent and Tyler 1991: redescending M-estimates of multivariate location and scatter. Annals of Statistics 19.
@@ -55,16 +55,16 @@ _SHAPE_STEPS, _SHAPE_VIEWERS = 40, (6, 5)
 
 
 def fitted_mixtures(reflectances: Sequence[Reflectance]) -> tuple[LobeMixture, ...]:
-    """The mixtures of layers: in the coordinates of anisotropic materials where one of the layers is anisotropic."""
+    """Fit the mixtures of layers; if one layer is anisotropic, all use the coordinates of anisotropic materials."""
     grained = not all(find_symmetry(each).isotropic for each in reflectances)
     return tuple(fitted_mixture(each, grained) for each in reflectances)
 
 
 def fitted_mixture(reflectance: Reflectance, grained: bool = False) -> LobeMixture:
-    """The mixture for a reflectance, from about 3·10⁵ evaluations of it (10⁶ if it is anisotropic).
+    """Fit the mixture of a reflectance with about 3·10⁵ evaluations of it (10⁶ if it is anisotropic).
 
-    `grained` asks for the coordinates of anisotropic materials, whatever the reflectance.
-    Of nothing, or nothing finite, the cosine alone. Raises nothing.
+    With `grained`, the coordinates are those of anisotropic materials for any reflectance. If the reflectance is zero
+    or not finite, the density is cosine-weighted. The function raises no errors.
     """
     isotropic = find_symmetry(reflectance).isotropic
     grain = ROUND if isotropic else _grain(reflectance)
@@ -80,7 +80,7 @@ def fitted_mixture(reflectance: Reflectance, grained: bool = False) -> LobeMixtu
 
 
 def viewers(heights: Tensor, azimuths: int) -> Tensor:
-    """Viewers (levels · azimuths, 3) float64 at these cosθo, each level turned against the one below."""
+    """Return viewers (levels · azimuths, 3) in float64 at these cosθo; successive levels are rotated in azimuth."""
     z = heights.to(torch.float64)
     first = torch.arange(len(z), dtype=torch.float64) * ((math.sqrt(5) - 1) / 2)
     phi = (first[:, None] + torch.arange(azimuths, dtype=torch.float64)) * (2 * math.pi / azimuths)

@@ -1,11 +1,13 @@
-"""The program as a graph of math nodes, in the operations of Blender's Math and Vector Math nodes.
+"""Convert the program to a graph of Blender's Math and Vector Math nodes.
 
-A node is ("math", operation, …) of numbers, ("vector", operation, …) of vectors (3,), ("combine", x, y, z) to a
-vector, ("separate", vector) to its components, ("texture", number, place), whose place (3,) is (u, v, 0). What stands
-for … is a number, three of them, or a reference: "wi", "wo" (unit vectors (3,) in the surface frame), "n7", the value
-of node 7, "n7.x", a component of node 7, a "separate". A number that goes into a vector is each of its components.
+A node is one of: ("math", operation, …) for numbers, ("vector", operation, …) for vectors (3,), ("combine", x, y, z)
+which makes a vector, ("separate", vector) which gives its components, and ("texture", number, place), where place (3,)
+is (u, v, 0). Each operand … is a number, three numbers, or a reference. The references are "wi" and "wo" (unit vectors
+(3,) in the surface frame), "n7" for the value of node 7, and "n7.x" for a component of node 7, which must be a
+"separate" node. A number that is used as a vector has this number in all components.
 
-Vectors of three are kept whole where a node for that exists; all else is taken apart. Equal nodes are made once.
+Operations on vectors of three components use vector nodes if Blender has one; otherwise they are split into components.
+Equal nodes are shared.
 """
 
 from collections.abc import Mapping, Sequence
@@ -33,7 +35,7 @@ _VECTOR = {
 
 @dataclass(frozen=True)
 class NodeGraph:
-    """`nodes` in an order that can be built; `result` is f in sr⁻¹, a vector, or a number for one channel."""
+    """`nodes` are sorted so that each node follows its inputs; `result` refers to f in sr⁻¹, a vector or a number."""
 
     nodes: tuple[Node, ...]
     result: str

@@ -1,4 +1,4 @@
-"""How noisy light is that is drawn from a density: by quadrature, without drawing any."""
+"""Compute the noise of importance sampling with a density by quadrature, without random samples."""
 
 import math
 from collections.abc import Callable
@@ -25,7 +25,7 @@ Density = Callable[[Tensor, Tensor], Tensor]
 class Noise:
     """Relative variance of f cosθi/p with one direction for a viewer at `angle` degrees, f the mean of the channels.
 
-    `cosine` is that of directions drawn by the cosine.
+    `cosine` is the relative variance of cosine-weighted sampling.
     """
 
     angle: float
@@ -38,9 +38,10 @@ class Noise:
 
 
 def noise_of(reflectance: Reflectance, density: Density, wo: Tensor) -> tuple[float, float]:
-    """Return (relative variance, ∫ p) for one viewer (3,); 0 variance where nothing is reflected.
+    """Return (relative variance, ∫ p) for one viewer (3,); the variance is 0 if the surface reflects no light.
 
-    ∫ (f cosθ)²/p over (∫ f cosθ)², less 1, on the nodes of `geometry.quadrature`; p is sr⁻¹ of pairs (N, 3).
+    The relative variance is ∫ (f cosθ)²/p divided by (∫ f cosθ)², minus 1, computed on the nodes of
+    `geometry.quadrature`. `density` returns p in sr⁻¹ for pairs (N, 3).
     """
     wi, angles = (nodes[0] for nodes in hemisphere_nodes(wo[None].to(torch.float64)))
     seen = wo.to(wi).expand_as(wi)
@@ -55,7 +56,7 @@ def noise_of(reflectance: Reflectance, density: Density, wo: Tensor) -> tuple[fl
 
 
 def albedo_of(reflectance: Reflectance, wo: Tensor) -> float:
-    """∫ f cosθi dωi for one viewer (3,), f the mean of the channels."""
+    """Return the albedo ∫ f cosθi dωi for one viewer (3,), with f the mean of the channels."""
     wi, angles = (nodes[0] for nodes in hemisphere_nodes(wo[None].to(torch.float64)))
     value = reflectance.evaluate(wi, wo.to(wi).expand_as(wi)).to(torch.float64).mean(1) * wi[:, 2]
     return float((value * angles).sum())
@@ -68,7 +69,7 @@ def viewer_at(angle: float) -> Tensor:
 
 
 def cosine_density(wi: Tensor, wo: Tensor) -> Tensor:
-    """cosθi/π (N,), 0 where either is under the horizon."""
+    """Return the density cosθi/π (N,), or 0 if a direction is below the horizon."""
     return wi[:, 2] / math.pi * ((wi[:, 2] > 0) & (wo[:, 2] > 0))
 
 

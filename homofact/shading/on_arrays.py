@@ -1,8 +1,8 @@
-"""Fits evaluated on NumPy arrays: the shading program interpreted, or compiled where there are many pairs.
+"""Evaluate fits on NumPy arrays: interpret the shading program, or compile it for many pairs.
 
-The program (`shading.program`) is what shaders print and numba compiles. Interpreted it holds in the precision of the
-directions; compiled it answers in float32. A shader's vector has four components, so more channels are evaluated four
-at a time. No torch is loaded here.
+The program (`shading.program`) is also printed as shaders. The interpreter computes in the precision of the directions,
+the compiled code in float32. Vectors of the program have at most four components, so more channels are evaluated four
+at a time. This module does not import torch.
 """
 
 from abc import ABC, abstractmethod
@@ -30,15 +30,15 @@ _VECTOR = 4
 
 
 class OnArrays(ABC):
-    """What evaluates a fit of C `channels` on arrays."""
+    """The interface of objects that evaluate a fit with C `channels` on arrays."""
 
     channels: tuple[str, ...]
 
     def evaluate(self, wi: np.ndarray, wo: np.ndarray) -> np.ndarray:
         """Return BRDF values (N, C) in sr⁻¹, ≥ 0, without the cosine; 0 where a direction is under the horizon.
 
-        `wi` and `wo` are unit vectors (N, 3) of one floating type, float32 or float64, which is that of the answer.
-        From `MANY` pairs of float32 on textures are read by compiled code, with less memory.
+        `wi` and `wo` are unit vectors (N, 3), both float32 or both float64; the result has the same type. For float32
+        and at least `MANY` pairs, compiled code reads the textures, which needs less memory.
         """
         above = ((wi[:, 2] >= 0) & (wo[:, 2] >= 0))[:, None]
         # What is below the horizon is evaluated in a safe place.
@@ -64,7 +64,7 @@ class ModelOnArrays(OnArrays):
 
 @dataclass(frozen=True)
 class TexturesOnArrays(OnArrays):
-    """A product or a sum of products of textures: `texels` (rows, columns, C) float64, and their `evaluation`.
+    """A product or a sum of products: textures as float64 `texels` (rows, columns, C), and their `evaluation`.
 
     `provenance` is for the comments of the program.
     """

@@ -46,13 +46,14 @@ TEXTURES = (
 
 @dataclass(frozen=True)
 class Program:
-    """Statements over wi and wo (3,), and the BRDF (C,) in sr⁻¹ without the cosine as `result`.
+    """Statements in wi and wo (3,), and `result`, the BRDF (C,) in sr⁻¹ without the cosine.
 
-    `shapes` are the (rows, columns) of the textures that fetches number, (depth, rows, columns) of one in three
-    dimensions, which GLSL alone prints, (levels, 6, rows, columns) of a cube map; `title` are lines on what it
-    evaluates. Of texture arrays `layers` is how many there are, else 0; `shapes` are those of one layer, and `tables`
-    have a row (C,) for each, by name. `function` is what it is called behind the prefix, of vectors (3,) called
-    `parameters`; `first` is the number of its first texture's place in a shader.
+    `shapes` has the (rows, columns) of each texture, in the order of the texture numbers in fetches. It is (depth,
+    rows, columns) for a 3D texture, which only GLSL supports, and (levels, 6, rows, columns) for a cube map. `title`
+    has comment lines that describe the program. For texture arrays, `layers` is the number of layers (otherwise 0),
+    `shapes` are those of one layer, and `tables` have a row (C,) per layer, by name. `function` is the name of the
+    function after the prefix, and `parameters` are the names of its vector parameters (3,). `first` is the binding
+    number of the first texture in a shader.
     """
 
     statements: tuple[Let, ...]
@@ -70,12 +71,12 @@ class Program:
 def program_of(
     fitted: Evaluated, textures: Sequence[Encoded], cut: bool = False, layers: Sequence[LogTransform] = ()
 ) -> Program:
-    """Return the program that reads `textures`, those of the fit, stored as they are.
+    """Return the program that evaluates a fit from its stored `textures`.
 
-    A model without textures has its numbers as constants.
-    `cut` says to cut runaway logarithms whatever the texels, for a program that outlives them. With `layers`, the
-    transforms of several materials, each of `textures` holds their texels one under another, and `fitted` is any of
-    them. Raises BadInput for more than four channels.
+    For a model without textures, the program contains its parameters as constants. With `cut`, large logarithms are
+    always clipped; use it if the texels may change later. `layers` are the transforms of several materials. Then each
+    of `textures` contains the texels of all materials, stacked along the rows, and `fitted` is any one of the fits.
+    Raises BadInput for more than four channels.
     """
     count = len(fitted.channels)
     check_count(count)
@@ -128,10 +129,10 @@ def _of_model(fitted: Evaluated) -> Program:
 
 
 def sum_program(fitted: Evaluated, textures: Sequence[Encoded]) -> Program:
-    """The program whose result is the sum of the products of a fit alone, for any number of channels of `textures`.
+    """Return the program that computes only the sum of the products of a fit, for any number of channels.
 
-    That of a product are logarithms, or coordinates of a spectral basis. It is to be interpreted: no shader has vectors
-    of more than four components.
+    For a product fit, the sum is the logarithms, or the coordinates in a spectral basis. The program is for
+    interpretation only, since shader vectors have at most four components.
     """
     count = textures[0].stored.shape[2]
     evaluation = evaluation_of(fitted).of_channels(slice(0, count))
@@ -155,7 +156,7 @@ def _summed(
 
 
 def check_count(channels: int) -> None:
-    """Raise BadInput for more channels than a texture has."""
+    """Raise BadInput for more than four channels, the most that a texture can have."""
     if channels > 4:
         hint = f"fit with {Advice('channels', 'rgb')}"
         raise BadInput(where="channels", found=channels, expected="at most the 4 of a texture", hint=hint)
@@ -331,12 +332,12 @@ def _title(fitted: Evaluated, layers: int) -> tuple[str, ...]:
 
 
 def name_of(provenance: Mapping[str, Any]) -> str:
-    """Return what a fit was made from, as its provenance tells: a material's or a file's name, else "samples".
+    """Return the name of a fit's source from its provenance: a material or file name, else "samples".
 
-    An edited fit is called "edited gold", and "edited gold (ball)" where its scene calls the material something else,
-    so that exports of the fit and of its original have different names.
+    An edited fit of gold has the name "edited gold", or "edited gold (ball)" if the material is named "ball" in its
+    scene. So exports of the edited and the original fit have different names.
 
-    On one line and `harmless`: every text that names the fit can be written as UTF-8 and as XML.
+    The name is one line and contains only characters that are valid in UTF-8 and XML text.
     """
     source = provenance.get("source")
     source = source if isinstance(source, Mapping) else {}

@@ -23,8 +23,9 @@ _FAST = ("fast",)
 def bilinear(channels: int) -> Any:
     """Return `bilinear(texels, at, right, above, u, v, out, place)`: the value between four texels, into out[place …].
 
-    A texel is `channels` float32 side by side (1, 2 or 4); the first begins at `at`, the others `right` and `above`
-    numbers further; u and v in [0, 1] are the shares of the right and of the upper ones. Nothing is checked.
+    A texel is `channels` float32 side by side (1, 2 or 4); the first texel begins at the index `at`, and its right and
+    upper neighbours are `right` and `above` floats further. u and v in [0, 1] are the weights of the right and the
+    upper texels. There are no bounds checks.
     """
 
     @intrinsic
@@ -51,9 +52,10 @@ def bilinear(channels: int) -> Any:
 
 @cache
 def apart(stride: int, kept: int) -> Any:
-    """`apart(source, begin, out, place, step)`: `LANES` groups of `stride` numbers from source[begin] on, by place.
+    """Return `apart(source, begin, out, place, step)`, which splits `LANES` groups of `stride` numbers into rows.
 
-    The first numbers of all groups go to out[place …], the second ones `step` further, and so on, `kept` of them.
+    The groups start at source[begin]. The first numbers of all groups are written to out[place …], the second numbers
+    `step` entries further, and so on for `kept` numbers per group.
     """
 
     @intrinsic
@@ -74,7 +76,7 @@ def apart(stride: int, kept: int) -> Any:
 
 @cache
 def together(stride: int) -> Any:
-    """Return `together(source, place, step, out, begin)`: the way back of `apart`, `stride` numbers a group."""
+    """Return `together(source, place, step, out, begin)`, the inverse of `apart` for groups of `stride` numbers."""
 
     @intrinsic
     def function(_, source, place, step, out, begin):

@@ -50,8 +50,7 @@ class Nlopt:
         return f"nlopt-{self.algorithm}"
 
     def limited(self, steps: int) -> "Nlopt":
-        """Return the same search, limited to the evaluations that `steps` gradient iterations or 8 direct sweeps
-        cost."""
+        """Return the same search, limited to the cost of `steps` gradient iterations or 8 direct sweeps."""
         return replace(self, evaluations=steps if "D_" in self.full_name[:3] else 8 * steps)
 
     def descend(self, measured: MeasuredObjective, start: Tensor, seed: int) -> SearchEnding:

@@ -24,8 +24,7 @@ PERIOD = 4 * torch.pi
 
 @dataclass(frozen=True)
 class Powell:
-    """Settings: first step and tolerance of the line search (radians), relative gain for stopping, maximum of
-    sweeps."""
+    """Settings: first step and tolerance of the line search (radians), relative gain at which it stops, sweeps."""
 
     step: float = 0.3
     line_tolerance: float = 0.1
