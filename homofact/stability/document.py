@@ -51,7 +51,7 @@ def document(atlas: Atlas, solvers: list[SolverCell], link: str, where: str) -> 
 
 def _head(atlas: Atlas, link: str) -> str:
     counts = atlas.counts()
-    silent = counts.pop(CellOutcome.SILENT.value)
+    del counts[CellOutcome.SILENT.value]
     tally = listed([f"{count} are {name}" for name, count in counts.items() if count])
     methods = atlas.plan.methods
     warned = [name for name in methods if name in atlas.unstressed and atlas.unstressed[name].said]
@@ -76,7 +76,7 @@ writes one row per fit to `atlas.csv` and draws the pictures below.
 
 A stressor is one fault of the data or of the settings, applied to a test problem at several strengths, from harmless
 to fatal. There are {len(atlas.plan.stressors)} stressors. Each of {len(methods)} methods fits the data of each
-strength. Of the results, {tally}. {silent or "No"} fits are silently wrong.
+strength. Of the results, {tally}. {_silent(atlas.cells)}
 
 Each cell shows the worst fit over all strengths of a stressor. The number is the error of this fit, divided by the
 same method's error without the stressor (the unstressed error). If the unstressed error is below {WORTH_AN_ERROR:g},
@@ -91,6 +91,16 @@ defines the terms, such as degraded. {_coverage(atlas.cells)}
 The picture shows every fit. Strengths run from harmless on the left to fatal on the right:
 
 ![The atlas]({link}/atlas.png)"""
+
+
+def _silent(cells: Sequence[Cell]) -> str:
+    """How many fits are silently wrong, and for how many of them the error bar is right."""
+    silent = [cell for cell in cells if cell.outcome is CellOutcome.SILENT]
+    if not silent:
+        return "No fits are silently wrong."
+    held = sum(cell.held is True for cell in silent)
+    fits = "1 fit is" if len(silent) == 1 else f"{len(silent)} fits are"
+    return f"{fits} silently wrong; the error bar of total reflected light covers the true error of {held} of them."
 
 
 def _coverage(cells: Sequence[Cell]) -> str:

@@ -33,6 +33,19 @@ def test_it_begins_with_the_worst_fit_of_every_sweep(text: str) -> None:
     assert rows == [["0.5, then refused", "7\\* |"], ["**12 silent**", "– |"]]
 
 
+def test_silent_fits_are_counted_with_their_error_bars() -> None:
+    silent = Cell("search", "zeros", 0.5, "0.5", CellOutcome.SILENT, factor=20.0, stated=0.5, true=0.1)
+    for cells, sentence in (
+        (
+            (*CELLS, silent),
+            "2 fits are silently wrong; the error bar of total reflected light covers the true error of 1",
+        ),
+        (CELLS, "1 fit is silently wrong; the error bar of total reflected light covers the true error of 0"),
+        (CELLS[:4], "No fits are silently wrong."),
+    ):
+        assert sentence in " ".join(document(Atlas(PLAN, cells, {}, ()), [], "pictures", "an abacus").split())
+
+
 def test_the_head_s_links_lead_to_sections(text: str) -> None:
     head = text.split("**Cause.**", 1)[0]
     # As git hosts make anchors of headings.
