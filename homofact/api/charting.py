@@ -182,7 +182,7 @@ def charted(
 
 @dataclass(frozen=True)
 class _Charting:
-    """Charts under way: sources by the names of their files, runs, and where they go."""
+    """Charts in progress: the sources by the names of the chart files, the runs, and the output folder."""
 
     sources: dict[str, Any]
     runs: "tuple[Run, ...]"
@@ -244,7 +244,7 @@ class _Charting:
 
 
 def _names(sources: Sequence[Any]) -> dict[str, Any]:
-    """The sources by the name that their files get. Raises BadInput for none, and for two of one name."""
+    """Return the sources by the name of their files. Raises BadInput for no source or equal names."""
     if not sources:
         raise BadInput(where="source", found="none", expected="at least one")
     names: dict[str, Any] = {}

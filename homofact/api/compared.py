@@ -178,7 +178,7 @@ class CompareResult:
 
 
 def _repairs(provenance: Mapping[str, Any]) -> list[str]:
-    """What was done to the samples, a line each; of a tilt only whether it is undone."""
+    """Return one line per repair of the samples; for a tilt, only whether it was corrected."""
     from homofact.brdf.quality.mending import mending_lines
 
     lines, tilt = mending_lines(dict(provenance)), provenance.get("tilt") or {}
@@ -187,7 +187,7 @@ def _repairs(provenance: Mapping[str, Any]) -> list[str]:
 
 
 def _means(measured: list[dict[str, float | None]]) -> Mapping[str, float | None]:
-    """The mean of every metric over the fits, None where one of them has none."""
+    """Return the mean of every metric over the fits; None if a fit lacks it."""
     found = {name: [values[name] for values in measured] for name in measured[0]}
     return {
         name: None if None in numbers else sum(number or 0.0 for number in numbers) / len(numbers)

@@ -154,7 +154,7 @@ def named_methods(
 
 @dataclass(frozen=True)
 class _Comparison:
-    """A comparison under way: what is fitted, on which splits, how it is measured, and which fits are refused."""
+    """A comparison in progress: its methods, seeds, splits and metrics, and which fits to reject."""
 
     fits: "dict[str, Method]"
     seeds: tuple[int, ...]
@@ -165,7 +165,7 @@ class _Comparison:
     steps: ProgressSteps
 
     def run(self, sources: "Sequence[Source]", subsets: Sequence[int]) -> tuple[list[SourceComparison], bool]:
-        """Return the fits to every source, and whether Ctrl-C ended it: at once where nothing is done."""
+        """Return the fits of every source, and whether Ctrl-C ended the run; raise if no fit was finished."""
         estimate = self._estimate(sources, subsets)
         self.steps.estimate(estimate)
         done: list[SourceComparison] = []
@@ -197,7 +197,7 @@ class _Comparison:
         some: bool,
         count: int,
     ) -> bool:
-        """Add the fits of every method to `rows`; whether Ctrl-C ended them: passed on where nothing at all is done."""
+        """Add the fits of every method to `rows`; return whether Ctrl-C ended them, or raise if no fit is done."""
         from homofact.evaluation.repeats import fit_repeats
 
         runs = count * len(self.fits) * len(self.seeds) * len(self.splits)
@@ -232,7 +232,7 @@ class _Comparison:
 
 
 def _files(plot: Place | None, csv: Place | None, latex: Place | None, sources: int) -> dict[str, Path]:
-    """The files to write, by what they are. Raises BadInput where one cannot be put."""
+    """Return the files to write, by kind. Raises BadInput if a file cannot be written."""
     if plot is not None and sources > 1:
         raise BadInput(
             where="plot", found=f"{sources} sources", expected="one for a figure; draw each in a run of its own"
@@ -268,7 +268,7 @@ def _write(result: CompareResult, steps: ProgressSteps) -> None:
 
 
 def _is_samples(source: Any) -> bool:
-    """Whether a tuple is (wi, wo, values) or more of one source, not several sources."""
+    """Return whether a tuple contains (wi, wo, values, …) of one source, and not several sources."""
     return (
         isinstance(source, tuple)
         and len(source) >= 3

@@ -177,7 +177,7 @@ def compare_fits(
 def _own_parts(
     given: "Mapping[str, GivenFit]", opened: Mapping[str, Fit]
 ) -> "tuple[Source, Split, dict[str, Samples], tuple[str, ...]]":
-    """The source of all fits, its split, what errors are measured on, and which fits have other held-out samples.
+    """Return the fits' source, its split, the samples for errors, and the fits with other held-out samples.
 
     Raises BadInput for several sources.
     """
@@ -205,13 +205,13 @@ def _own_parts(
 
 
 def _folder_of(source: "Source") -> list[Path]:
-    """The folder of its file, if it has one."""
+    """Return the folder of the source's file in a list; empty without a file."""
     path = None if source.opening is None else Path(source.opening.folder) / source.opening.path
     return [] if path is None or not path.is_file() else [path.parent]
 
 
 def _parts_of(on: Any, opened: Mapping[str, Fit]) -> "tuple[Source, Split, dict[str, Samples]]":
-    """Another source, a split of it that holds nothing out, and all its samples. Raises BadInput for other channels."""
+    """Return the source `on`, a split without held-out samples, and its samples. Raises BadInput for other channels."""
     from homofact.evaluation.split import Split
 
     source = open_given(given_source(on), 0)
@@ -224,13 +224,13 @@ def _parts_of(on: Any, opened: Mapping[str, Fit]) -> "tuple[Source, Split, dict[
 
 
 def _labels(places: Sequence[Place]) -> list[str]:
-    """The names of the folders; where two are equal, the places."""
+    """Return the names of the folders, or their full paths if two names are equal."""
     names = [Path(place).absolute().name for place in places]
     return names if len(set(names)) == len(names) else [os.fspath(place) for place in places]
 
 
 def _one_source(found: "dict[str, Reopened]") -> "Reopened":
-    """The first of the sources. Raises BadInput where another has other samples."""
+    """Return the first source. Raises BadInput if another source has different samples."""
     (first_label, first), *others = found.items()
     for label, one in others:
         if one.split.digest != first.split.digest:
@@ -244,7 +244,7 @@ def _one_source(found: "dict[str, Reopened]") -> "Reopened":
 
 
 def _read_with(one: "Reopened", other: "Reopened") -> str:
-    """How one source was opened where another was opened in another way: " read with calibrate tilt"."""
+    """Return in words how the options of one source differ from another's, e.g. " read with calibrate tilt"."""
     first, second = one.source.opening, other.source.opening
     if first is None or second is None:
         return ""

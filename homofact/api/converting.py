@@ -168,7 +168,7 @@ def convert(
 
 
 def _format(target: Path, form: str | None) -> str:
-    """Return `form`, or the ending's own format. Raises BadInput for a form that does not have the ending."""
+    """Return `form`, or the default format of the file's extension. Raises BadInput if they do not match."""
     known = FORMATS[target.suffix.lower()]
     if form is not None and form not in known:
         raise BadInput(where="form", found=f"{form!r} with {target.name}", expected=f"one of {', '.join(known)}")
@@ -176,7 +176,7 @@ def _format(target: Path, form: str | None) -> str:
 
 
 def _given(source: Any) -> Any:
-    """A fit, or a source that is checked. Raises BadInput."""
+    """Return a fit, or a checked source. Raises BadInput."""
     if isinstance(source, str | os.PathLike) and Path(source).is_dir():
         check_result(Path(source))
         return os.fspath(source)
@@ -184,13 +184,13 @@ def _given(source: Any) -> Any:
 
 
 def _fitted(source: Any) -> Any:
-    """The fit in memory that it is; None for all else."""
+    """Return the fit in memory; None if the source is anything else."""
     found = getattr(source, "factorization", source)
     return found if callable(getattr(found, "with_textures", None)) else None
 
 
 def _opened(source: Any, settings: SourceSettings, seed: int) -> "Source":
-    """The source, or the fit as one. Raises BadInput."""
+    """Return the opened source, or a fit as a source. Raises BadInput."""
     from homofact.exporting.as_source import as_source, fit_as_source, is_fit
 
     fitted = _fitted(source)
@@ -205,7 +205,7 @@ def _opened(source: Any, settings: SourceSettings, seed: int) -> "Source":
 
 
 def _write(target: Path, subject: "Source", kind: str, steps: ProgressSteps) -> dict[str, Any]:
-    """Write the source in a format of `FORMATS`; what was written, and what got lost."""
+    """Write the source in a format of `FORMATS`; return the facts and notes on lost data."""
     from homofact.brdf.formats import alta, csv, merl
     from homofact.brdf.source import NOISE_FREE_EPSILON
 
@@ -243,7 +243,7 @@ def _write(target: Path, subject: "Source", kind: str, steps: ProgressSteps) -> 
 
 
 def _write_adaptive(target: Path, subject: "Source", comments: tuple[str, ...]) -> dict[str, Any]:
-    """Write RGL's tensor file; what it is, and how far its values are from the source's."""
+    """Write RGL's tensor file; return its facts and the differences from the source."""
     from homofact.brdf.adaptive import relative_differences, tabulated
     from homofact.brdf.formats import rgl
     from homofact.brdf.rgl import AdaptiveTable
@@ -266,7 +266,7 @@ def _write_adaptive(target: Path, subject: "Source", comments: tuple[str, ...]) 
 
 
 def _interpolated(subject: "Source") -> list[str]:
-    """What to know of values between samples, with the light that they have at the angles that were measured."""
+    """Return a note on values between samples, with their light relative to the samples at measured angles."""
     from homofact.brdf.quality.faults import light_over_rings
 
     if subject.kind != "measurement":
@@ -283,7 +283,7 @@ def _interpolated(subject: "Source") -> list[str]:
 def _write_lighting(
     target: Path, subject: "Source", kind: str, comments: tuple[str, ...], steps: ProgressSteps
 ) -> dict[str, Any]:
-    """Write a format of lighting or optics; what it holds, what got lost, and how far off the source it is."""
+    """Write a lighting or optics format; return its content, lost data, and difference from the source."""
     from homofact.brdf.adaptive import relative_differences
     from homofact.brdf.formats import open_file, speos_writer, window_writer, zemax
     from homofact.brdf.tristimulus import CieY

@@ -151,7 +151,7 @@ def info(source: Any, *, plot: Place | None = None, seed: int = 0, progress: Pro
 
 
 def _faults_in_words(faults: dict[str, Any]) -> dict[str, Any]:
-    """Return the faults of a source with the albedo, the holes and a missing reciprocity error in words."""
+    """Return the faults of a source, with albedo, holes, spread and reciprocity error in words."""
     holes = faults["holes"]
     found = {
         "reciprocity_error": _reciprocity_in_words(faults["reciprocity_error"]),
@@ -167,7 +167,7 @@ def _faults_in_words(faults: dict[str, Any]) -> dict[str, Any]:
 
 
 def _spread_in_words(spread: float | None) -> str:
-    """By how much samples along the normal contradict isotropy; "" where they do not."""
+    """Return in words how samples along the normal contradict isotropy; "" if they do not."""
     if spread is None or spread < _LEAST_SPREAD:
         return ""
     return (
@@ -177,7 +177,7 @@ def _spread_in_words(spread: float | None) -> str:
 
 
 def _reciprocity_in_words(error: dict[str, float] | None) -> str:
-    """By how much values with light and view exchanged differ, pair by pair."""
+    """Return in words the difference of values when light and view are exchanged."""
     if error is None:
         return "not measured: fewer than ten pairs of samples with light and view exchanged"
     pairs = f" of {int(error['pairs'])} pairs of samples" if "pairs" in error else ""
@@ -186,7 +186,7 @@ def _reciprocity_in_words(error: dict[str, float] | None) -> str:
 
 
 def _draw(picture: Path, subject: "Source") -> dict[str, Any]:
-    """Draw the picture; its file, and what it was drawn with."""
+    """Draw the picture; return its file, exposure and share of clipped pixels."""
     from homofact.brdf.channels import display_of
     from homofact.figures.info_picture import info_picture
 

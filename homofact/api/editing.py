@@ -230,7 +230,7 @@ def apply_curves(
 
 
 def _prepared(file: "EditSceneFile", steps: ProgressSteps) -> "EditResult":
-    """Open, precompute and judge a scene."""
+    """Open and precompute a scene, and measure its errors."""
     from homofact.editing.build import open_edit_scene
     from homofact.editing.errors import light_error, rank_errors
     from homofact.editing.precompute import prepare
@@ -265,9 +265,10 @@ def _prepared(file: "EditSceneFile", steps: ProgressSteps) -> "EditResult":
 
 
 def _above_tolerance(parts: "tuple[PartError, ...]", tolerance: float) -> list[str]:
-    """A line on the parts whose low rank errs by more than the tolerance of all bands' light; none where no part does.
+    """Return a warning about parts whose low-rank error exceeds the tolerance, in a list; empty without such parts.
 
-    Light from other surfaces may err by more, and is left out, as are errors that are the tolerance up to rounding.
+    Light from other surfaces may have larger errors and is ignored. So are errors that exceed the tolerance only by
+    rounding.
     """
     over = [part for part in parts if not part.bounced and part.error > _ROUNDED * tolerance]
     if not over:
@@ -284,7 +285,7 @@ def _above_tolerance(parts: "tuple[PartError, ...]", tolerance: float) -> list[s
 def _report(
     file: "EditSceneFile", prepared: "PreparedScene", parts: "tuple[PartError, ...]", lights: dict[str, float]
 ) -> dict[str, Any]:
-    """The JSON form, as in edit.json."""
+    """Return the report of a scene, as in edit.json."""
     scene = prepared.scene
     entries = [
         {
@@ -321,7 +322,7 @@ def _report(
 
 
 def _textures_report(name: str, words: str, made: "EditedFit") -> dict[str, Any]:
-    """The JSON form of textures of an edit, as in report.json."""
+    """Return the report of the textures of an edit, as in report.json."""
     edits = [
         {
             "way": applied.way,
@@ -345,7 +346,7 @@ def _textures_report(name: str, words: str, made: "EditedFit") -> dict[str, Any]
 
 
 def _write_textures(folder: Path, name: str, made: "EditedFit", report: dict[str, Any], force: bool) -> None:
-    """Write a result's folder with a picture that compares the textures with the edited material."""
+    """Write a result's folder, with a picture of the textures beside the edited material."""
     from homofact.brdf.channels import display_of
     from homofact.exporting.result import write_result
     from homofact.figures.compare_picture import FitPanel, compare_picture

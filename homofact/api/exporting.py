@@ -212,7 +212,7 @@ def export(
 
 
 def _format_of(form: str | None, quantize: str | None) -> str | None:
-    """The requested format, None for the default. Raises BadInput where there is none such, and for two that differ."""
+    """Return the requested format, None for the default. Raises BadInput if it is unknown or contradictory."""
     name = form or quantize
     if quantize is not None and quantize not in QUANTIZED:
         raise BadInput(where="quantize", found=repr(quantize), expected="png8 or png16")
@@ -225,7 +225,7 @@ def _format_of(form: str | None, quantize: str | None) -> str | None:
 
 @dataclass(frozen=True)
 class _Work:
-    """One export under way: the fit, its source again or why not, the textures' format."""
+    """An export in progress: the fit, its reopened source or the reason why there is none, and the textures' format."""
 
     fitted: "Fitted"
     source: "Reopened | str"
@@ -233,7 +233,7 @@ class _Work:
     steps: ProgressSteps
 
     def stored(self, quantize: str | None) -> "tuple[Exported, dict[str, Exported | Fitted]]":
-        """The fit as it will be stored, and what its errors are compared with, by label."""
+        """Return the fit as it will be stored, and other versions of it for comparing errors, by label."""
         from homofact.exporting.exported import exported
         from homofact.factor.quantize import is_solved
 
@@ -250,9 +250,10 @@ class _Work:
         return best, rows | ({f"solved for {self.format.name}": best} if is_solved(self.fitted) else {})
 
     def _quantized(self, storage: str) -> "Fitted":
-        """The fit with whole texels; a product's are solved on the samples that it was made from.
+        """Return the fit with integer texels; for a product, they are solved for on its own samples.
 
-        Those of an edited fit are of the material before the edit: it is solved on values of its own.
+        The samples of an edited fit belong to the material before the edit, so its texels are solved for on its own
+        values.
         """
         from homofact.evaluation.reopening import settings_of
         from homofact.exporting.as_source import as_source
@@ -270,7 +271,7 @@ class _Work:
         return quantized(self.fitted, self.source.training, settings_of(self.fitted), storage)
 
     def drawable(self, made: "Exported") -> "Exported":
-        """The export with the mixture that its shaders draw directions from."""
+        """Return the export with the mixture from which its shaders sample directions."""
         from homofact.shading.mixture_fit import fitted_mixture
 
         return replace(made, sampling=fitted_mixture(made.stored))
@@ -284,7 +285,7 @@ class _Work:
         engine: "Engine | None",
         force: bool,
     ) -> ExportResult:
-        """Measure and write."""
+        """Measure errors and write the export."""
         from homofact.exporting.exported import write_exported
         from homofact.exporting.look_alike import AddedLookAlike
         from homofact.factor.fixed_projections import EDITS
@@ -331,7 +332,7 @@ class _Work:
         )
 
     def _errors(self, row: "Exported | Fitted", samples: "dict[str, Samples] | None") -> dict[str, Any]:
-        """What a fit's values are off: from the samples where there are some, and from the fit as it was."""
+        """Return a version's errors against the samples, if any, and its difference from the original fit."""
         from homofact.evaluation.metrics import measure
         from homofact.exporting.exported import Exported, log_difference
 
@@ -341,9 +342,9 @@ class _Work:
         return {"log_difference": log_difference(self.fitted, values)} | measured
 
     def _looks(self, made: "Exported", added: "Added", likeness: "Likeness | None") -> dict[str, Any]:
-        """How each of an engine's look-alikes, and the fit beside them, compares with the source, else with the fit.
+        """Compare each look-alike of an engine, and the fit, with the source, or with the fit if there is none.
 
-        `likeness` is that of the one look-alike against the fit, already measured.
+        `likeness` is the measured likeness of the only look-alike to the fit.
         """
         from homofact.brdf.analytic.metallic_roughness import MetallicRoughness
         from homofact.brdf.scattered import made_of_samples

@@ -184,10 +184,10 @@ def factorize(
 
 
 def _model_as_good(subject: "Source", row: "ComparisonRow") -> "FitWithErrors | None":
-    """A GGX model of the same split whose errors of logarithms and of values are smaller than those of textures.
+    """Return a GGX model fitted on the same split, if its log and value errors are below the textures' errors.
 
-    None where there is none, for fits without textures or of all samples, and for sources that are no list, for which
-    it takes seconds.
+    Returns None otherwise; also for fits without textures or without held-out samples. Sources that do not consist of
+    samples are skipped, because there a model takes seconds.
     """
     from homofact.brdf.scattered import made_of_samples
     from homofact.evaluation.compare import fit_baseline
@@ -222,9 +222,9 @@ def caption(record: dict[str, Any]) -> list[str]:
 
 
 def _report(subject: "Source", source: Any, records: dict[str, dict[str, Any]], folder: Path) -> dict[str, Any]:
-    """Return the content of report.json: the fit's record, how the source was repaired and opened, McCool's record.
+    """Return the content of report.json: the records of the fit and of McCool's, and how the source was read.
 
-    "measures" names in words what each figure of the errors and of the appearance is.
+    "measures" describes each error metric and appearance metric in words.
     """
     from homofact.evaluation.metric_table import LIGHT, METRICS, SIX
 

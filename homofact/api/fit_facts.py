@@ -94,7 +94,7 @@ def fit_facts(place: Path) -> tuple[str, dict[str, Any], dict[str, Any]] | None:
 
 
 def _mended(source: dict[str, Any]) -> list[str]:
-    """What the provenance of a fit's samples, read from a file, says in words of a tilt and of gains."""
+    """Return the descriptions of tilt and gains from the provenance of a fit's samples."""
     gains = source.get("gains")
     tilt = source.get("tilt")
     facts = [tilt] if isinstance(tilt, dict) and (tilt.get("undone") or tilt.get("left_in")) else []
@@ -104,7 +104,7 @@ def _mended(source: dict[str, Any]) -> list[str]:
 
 
 def _light_over_samples(verdict: Any) -> list[list[float]]:
-    """What a result's report says of (from, to, light of the fit over that of its samples); empty without it."""
+    """Return the verdict's rows (from, to, light of the fit / light of its samples); empty if it has none."""
     rows = {} if verdict is None else verdict.record()
     found = rows.get("by_incidence")
     return found if isinstance(found, list) and all(_three_numbers(row) for row in found) else []
@@ -115,9 +115,9 @@ def _three_numbers(row: Any) -> bool:
 
 
 def _albedo(fit: "Fit") -> dict[str, dict[str, float]]:
-    """∫ f cosθo dωo of a fit by angle of incidence, of each channel, with the luminance Y of red, green and blue.
+    """Return the albedo ∫ f cosθo dωo by angle of incidence and channel, with the luminance Y of RGB.
 
-    For an anisotropic fit it is the mean of light along x and along y.
+    For an anisotropic fit, it is the mean over light in the xz and yz planes.
     """
     from homofact.brdf.spectral import LUMINANCE
     from homofact.evaluation.verdict.flux import ALBEDO_DEGREES, albedos

@@ -210,7 +210,7 @@ def measure(
 
 
 def _gathered(samples: Any) -> "Samples | None":
-    """The samples of all that was given, one after another. Raises BadInput where their channels differ."""
+    """Return all given samples concatenated. Raises BadInput if their channels differ."""
     if samples is None:
         return None
     import torch
@@ -237,7 +237,7 @@ def _gathered(samples: Any) -> "Samples | None":
 
 
 def _opened(given: Any) -> "Samples":
-    """The measured samples of a source. Raises BadInput for what can be evaluated anywhere."""
+    """Return the measured samples of a source. Raises BadInput for a source that is not a measurement."""
     from homofact.brdf.formats import open_file
     from homofact.brdf.samples import Samples
     from homofact.brdf.source import Source

@@ -33,7 +33,7 @@ _SAME = 1e-6
 
 
 def _tensor(values: Any) -> Tensor:
-    """A copy in float64 on the CPU, of a tensor or an array."""
+    """Return a float64 copy of a tensor or an array on the CPU."""
     return torch.as_tensor(values).detach().to("cpu", torch.float64, copy=True)
 
 
@@ -97,7 +97,7 @@ class ProjectionModule(nn.Module):
 
 
 def _bound_of(projection: Projection) -> str | None:
-    """By which bound its matrix is made of its rotation; None where it has none, or another matrix."""
+    """Return the bound with which the rotation gives the projection's matrix; None without such a bound."""
     if projection.rotation is None:
         return None
     quaternions, matrix = _tensor(projection.rotation.quaternions), _tensor(projection.matrix)
@@ -226,7 +226,7 @@ def module_of(fit: Any, device: Any = None, dtype: Any = None) -> FitModule:
 
 
 def _sound(w: Tensor) -> Tensor:
-    """Directions whose derivative is 0 where there is none."""
+    """Return directions whose gradient is 0 where it would not be finite."""
     if w.requires_grad:
         w = w.clone()
         w.register_hook(lambda slope: None if slope is None else slope.nan_to_num(0.0, 0.0, 0.0))

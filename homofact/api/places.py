@@ -74,10 +74,10 @@ def check_file(path: Path, *endings: str) -> None:
 
 
 def _try_writing(asked: Path, target: Path) -> None:
-    """Make a file of this name, in folders of these names, within a hidden folder where it will be; take all away.
+    """Create and delete a trial file with the target's relative path, in a hidden folder beside the target.
 
-    A refusal names what was `asked` for, not the trial.
-    Permission bits do not tell of everything that can be in the way: a name too long, a full or an odd file system.
+    Error messages name the `asked` path, not the trial file. A trial is necessary because permission bits do not reveal
+    all obstacles, such as a name that is too long or a full file system.
     """
     place = next(each for each in target.parents if each.exists())
     if not place.is_dir():

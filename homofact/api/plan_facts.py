@@ -75,7 +75,7 @@ def _rows(found: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _step(one: Mapping[str, Any]) -> str:
-    """A representation of fewer or more bytes than the choice, and the part of the limit that it uses."""
+    """Describe a representation smaller or larger than the choice, and the part of its limit that it uses."""
     from homofact.planning.ladder import Candidate
 
     words = Candidate(one["method"], one["textures"], one["size"], one["storage"]).words
@@ -85,7 +85,7 @@ def _step(one: Mapping[str, Any]) -> str:
 
 
 def _used(part: float | None) -> str:
-    """How much of its limit an error uses: "32% of the limit", "10 × the limit"."""
+    """Return which part of its limit an error uses: "32% of the limit", "10 × the limit"."""
     if part is None:
         return "more than can be measured"
     words = part_of_limit(part)
@@ -93,7 +93,7 @@ def _used(part: float | None) -> str:
 
 
 def _choice(each: Mapping[str, Any]) -> str:
-    """What was chosen for a material, what it costs, and the error that uses most of its limit."""
+    """Describe a material's chosen representation, its cost, and the error that uses most of its limit."""
     from homofact.planning.ladder import Candidate
     from homofact.planning.tolerance import WORDS, Tolerance
 

@@ -114,7 +114,7 @@ class PlanRefused(BadInput):
     """A plan that `strict` or `refuse` rejects; `result` is the plan."""
 
     def __init__(self, why: BadInput, result: PlanResult | TransportPlan) -> None:
-        """Take the reason's place and words."""
+        """Copy the location and message of the reason."""
         super().__init__(why.found, where=why.where, expected=why.expected, hint=why.hint)
         self.result = result
 
@@ -266,7 +266,7 @@ def _is_relighting(scene: Path) -> bool:
 
 
 def _verdicts(found: "ScenePlan", steps: ProgressSteps) -> "dict[str, Verdict | None]":
-    """The verdicts on the choices, where there is one, by material and choice."""
+    """Return the verdicts on the materials' choices, by material and choice."""
     from homofact.evaluation.estimate import TimeEstimate, verdict_seconds
 
     chosen = [material for material in found.distinct if material.walk.choice]
@@ -296,8 +296,8 @@ def _draw(figure: Path, found: "ScenePlan") -> None:
 def _plan_transport(scene: Path, given: Mapping[str, object], strict: bool, steps: ProgressSteps) -> TransportPlan:
     """Plan the transport of a scene of relighting.
 
-    Raises BadInput for options that are about fits and a scene without a tolerance, and PlanRefused, if `strict`, for a
-    tolerance that cannot be met.
+    Raises BadInput for options that apply only to fits, and for a scene without a tolerance. If `strict`, raises
+    PlanRefused for a tolerance that cannot be met.
     """
     for name, value in given.items():
         if value:

@@ -43,7 +43,7 @@ class ProgressSteps:
     """Create the steps of one call and pass them to its callback, if there is one."""
 
     def __init__(self, progress: Progress | None = None) -> None:
-        """Take the callback."""
+        """Store the callback."""
         self._progress = progress
         self._stage, self._task, self._done, self._runs = "", "", 0, 1
         self._end: float | None = None  # when the call is expected to end, where a run was given its `left`
@@ -86,7 +86,7 @@ class ProgressSteps:
             self.note(f"compiled its kernels in {seconds:.1f} s; from now on they are loaded", passing=True)
 
     def __call__(self, at: "FitProgress") -> None:
-        """Say where a fit is."""
+        """Report the progress of a fit."""
         done = at.term - 1 + (at.restart - 1) / max(at.restarts, 1)
         best = f" best {at.best:.4g}" if math.isfinite(at.best) else ""
         # A search of mixes has no restarts: only Cole's begins each term several times.

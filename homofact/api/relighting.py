@@ -166,7 +166,7 @@ def relight(
 def _relit_scene(
     file: Any, blocks: Path | None, vertices: int, stages: Sequence[str], reference: bool, steps: ProgressSteps
 ) -> "RelightResult":
-    """Open, precompute, render and judge a scene."""
+    """Open, precompute and render a scene, and measure its errors."""
     from homofact.relighting.build import open_relight_scene, relit_objects
     from homofact.relighting.error_notes import error_notes
     from homofact.relighting.errors import dense_colours
@@ -220,7 +220,7 @@ def _relit_scene(
 def _pictures(
     scene: "RelightScene", objects: "Sequence[RelitObject]", light: "np.ndarray", steps: ProgressSteps
 ) -> "list[np.ndarray]":
-    """8-bit pictures of all cameras, under the cube map of radiance."""
+    """Render 8-bit pictures from all cameras under the cube map of radiance."""
     from homofact.evaluation.estimate import TimeEstimate
     from homofact.relighting.expected import picture_seconds
     from homofact.relighting.picture import displayed_picture, picture
@@ -247,7 +247,7 @@ def _errors(
     stages: Sequence[str],
     steps: ProgressSteps,
 ) -> "list[RelightErrors | None]":
-    """The error of each object, with the time that the rest is expected to take."""
+    """Measure the error of each object, and report the expected remaining time."""
     from homofact.evaluation.estimate import TimeEstimate
     from homofact.relighting.errors import scene_errors
     from homofact.relighting.expected import error_seconds
@@ -279,7 +279,7 @@ def _relit_mesh(
     folder: Place | None = None,
     **settings: Any,
 ) -> "RelitMesh":
-    """The transport of one mesh among others."""
+    """Compute the transport of one mesh among other meshes."""
     from homofact.meshes.mesh import Mesh
     from homofact.meshes.prepare import prepared
     from homofact.relighting.factored_material import factored
@@ -324,7 +324,7 @@ def _relit_mesh(
 def _report(
     scene: "RelightScene", objects: "Sequence[RelitObject]", errors: "Sequence[RelightErrors | None]"
 ) -> dict[str, Any]:
-    """The JSON form, as in relight.json."""
+    """Return the report of a scene, as in relight.json."""
     from homofact.relighting.result import distinct_names
 
     file, settings = scene.file, scene.file.settings

@@ -151,7 +151,7 @@ def render(
 
 
 def _is_fit(drawn: Any) -> bool:
-    """Whether a fit is meant, not a source: no material, none of several in a file, no file other than .npz."""
+    """Return whether `drawn` is a fit: neither a material, nor FILE#NAME, nor a file other than .npz."""
     if isinstance(drawn, str | os.PathLike):
         text, place = os.fspath(drawn), Path(drawn)
         if text.startswith(MATERIAL_PREFIX) or (split_member(text)[1] is not None and not place.exists()):

@@ -74,7 +74,7 @@ class Fit:
     verdict: Judgement | None = None
 
     def __repr__(self) -> str:
-        """In a line or two: what was fitted, how the search ended, and the verdict."""
+        """Describe in a line or two the fit, how its search ended, and the verdict."""
         ended = "" if self.report is None else f", {self.report.status.value}"
         judged = "" if self.verdict is None else f": {self.verdict.summary}"
         return f"<Fit of {self.factorization!r}{ended}{judged}>"
@@ -337,7 +337,7 @@ def with_record(fit: Fit, record: Mapping[str, Any]) -> Fit:
 
 
 def _record(fit: Fit) -> dict[str, Any]:
-    """What `with_record` reads: the ending, the work and the verdict of a fit, as far as it has them."""
+    """Return the record for `with_record`: a fit's status, evaluations, seed and verdict, if available."""
     found: dict[str, Any] = {}
     if fit.report is not None:
         report = fit.report

@@ -67,7 +67,7 @@ def _relit_rows(found: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _whole(errors: Mapping[str, float]) -> float:
-    """The error of the picture; of the vertices where the object is beside it."""
+    """Return the error in the picture, or that of the vertices if the object is not in the picture."""
     return errors.get("picture", errors["together"])
 
 

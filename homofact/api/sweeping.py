@@ -231,7 +231,7 @@ def _words(asked: "Place | AskedSweep") -> str:
 
 
 def _svbrdf(asked: "AskedSweep", folder: Path, steps: ProgressSteps) -> TogetherResult:
-    """Fit the clusters of one material, compare with fits of each alone, and write texture arrays and shaders."""
+    """Fit the clusters of one material, compare with separate fits, and write texture arrays and shaders."""
     from homofact.sweeps.svbrdf import check_place as check_new
     from homofact.sweeps.svbrdf import fit_clusters, read_asked, write_clusters
 

@@ -39,12 +39,12 @@ def toml_facts(place: Path) -> tuple[str, dict[str, Any], dict[str, Any]] | None
 
 
 def _reader(kind: str, table: Mapping[str, Any]) -> str:
-    """The command that reads a kind; `compare` reads a configuration with sources to compare."""
+    """Return the command that reads a kind of file; `compare` reads a configuration with sources to compare."""
     return "compare" if kind == CONFIGURATION and "compare" in table else READERS[kind]
 
 
 def _rows(table: Mapping[str, Any]) -> dict[str, Any]:
-    """The keys of a table with their values for people: a list of tables gets a row per table."""
+    """Return a table's keys and values for display; a list of tables becomes one row per table."""
     rows: dict[str, Any] = {}
     for name, value in table.items():
         if isinstance(value, list) and value and all(isinstance(each, Mapping) for each in value):

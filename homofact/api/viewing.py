@@ -166,7 +166,7 @@ def _refuse_given(options: Mapping[str, object], place: Path, kind: str) -> None
 
 
 def _place_of(result: Path) -> Path:
-    """Where the page of a result goes unless it is said: view.html in its folder, or beside an .npz under its name."""
+    """Return the default path of a result's page: view.html in its folder, or NAME.html beside NAME.npz."""
     return result / NAME if result.is_dir() else result.with_suffix(".html")
 
 

@@ -109,16 +109,16 @@ def basis_of(blocks: np.ndarray, channels: np.ndarray, curves: Sequence[Tensor],
 
 
 def _starts(rho: np.ndarray) -> np.ndarray:
-    """Z (J·K, m) float32, orthonormal, that the channels' ρ (C, J·K) at the start lie in."""
+    """Return an orthonormal basis Z (J·K, m) float32 of the channels' initial ρ (C, J·K)."""
     _, values, vectors = np.linalg.svd(rho, full_matrices=False)
     return np.ascontiguousarray(vectors[values > _ALIKE * values[0]].T, dtype=np.float32)
 
 
 @dataclass(frozen=True)
 class _Candidates:
-    """Bases of any rank of some rows: `start` Z (J·K, m), `first` U (m, J·K), and the singular vectors of the rest.
+    """Bases of any rank for some rows: `start` Z (J·K, m), `first` U (m, J·K), singular vectors of the remainder.
 
-    `blurred` (N, J·K) is what the right vectors are found from, with the left ones `left` (N, N) and `values` (N,).
+    The right singular vectors are computed from `blurred` (N, J·K), the left ones `left` (N, N), and the `values` (N,).
     """
 
     start: np.ndarray
@@ -130,7 +130,7 @@ class _Candidates:
 
     @classmethod
     def of(cls, rows: np.ndarray, start: np.ndarray, blurs: list[np.ndarray]) -> "_Candidates":
-        """From rows (N, J·K) and Z."""
+        """Build the candidates from rows (N, J·K) and Z."""
         # U Z is the identity wherever there is light.
         first = np.linalg.pinv((rows @ start).astype(np.float64), rcond=1e-6).astype(np.float32) @ rows
         blurred = _blurred(rows - (rows @ start) @ first, blurs)
@@ -142,7 +142,7 @@ class _Candidates:
         return cls(start, first, blurs, blurred, left[:, ::-1], np.sqrt(np.maximum(squares[::-1], 0)))
 
     def inward(self, rank: int) -> np.ndarray:
-        """[Z, (1 − Z U) G Vᵀ] (J·K, m + rank), float32."""
+        """Return [Z, (1 − Z U) G Vᵀ] (J·K, m + rank), float32."""
         some = self.values[:rank]
         divided = self.left[:, :rank] / np.where(some > 1e-7 * self.values[0], some, np.inf)
         vectors = _blurred(divided.T.astype(np.float32) @ self.blurred, [each.T for each in self.blurs]).T
@@ -152,7 +152,7 @@ class _Candidates:
 def _smallest(
     made: _Candidates, rows: np.ndarray, exact: np.ndarray, others: np.ndarray, wanted: np.ndarray, tolerance: float
 ) -> tuple[np.ndarray, float]:
-    """(`inward` (J·K, m + r), the error reached): rows with their trial pictures (N, T), and others that are tried."""
+    """Return the smallest `inward` (J·K, m + r) within the tolerance on the rows `others`, and its error."""
     most, size = min(rows.shape), np.sqrt((wanted**2).mean(0))
     inward, reached = made.start, np.inf
     for ranks in RANKS:
@@ -169,7 +169,7 @@ def _smallest(
 
 
 def _blurred(rows: np.ndarray, blurs: list[np.ndarray]) -> np.ndarray:
-    """Rows (N, J·K) times G, an angle after the other."""
+    """Return rows (N, J·K) times G, one angle after the other."""
     found = rows.reshape(len(rows), *(len(each) for each in blurs))
     found = np.einsum("nj...,jk->nk...", found, blurs[0], optimize=True)
     if len(blurs) == 2:

@@ -58,7 +58,7 @@ class BlockFloats:
 
 @kernel(nogil=True, fastmath=True)
 def _times(codes: np.ndarray, rows: np.ndarray, weights: np.ndarray, found: np.ndarray) -> None:  # pragma: no cover
-    """`BlockFloats.times`, the columns' sizes in `weights` (C, r)."""
+    """Compute `BlockFloats.times`; `weights` (C, r) include the scales of the columns."""
     shared = codes.shape[1] == 1
     for p in range(len(codes)):
         for c in range(len(weights)):

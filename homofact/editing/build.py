@@ -63,7 +63,7 @@ def open_edit_scene(file: EditSceneFile, stage: Stage | None = None, fits: FileF
 def _patterns(
     thing: SceneObject, material: Editable, table: EditObjectTable | EditGroundTable, where: str
 ) -> dict[str, Pattern]:
-    """The pattern of the first term: what the table names, or else the base-colour texture of a glTF part."""
+    """Return the pattern of the first term: the table's, or else the base-colour texture of a glTF part."""
     first = material.terms[0].name
     if table.pattern is None:
         return {} if thing.material.picture is None else {first: PicturePattern(thing.material.picture)}
@@ -113,13 +113,13 @@ def editable(
 
 
 def _tables(file: EditSceneFile) -> dict[str, EditObjectTable | EditGroundTable]:
-    """The objects' tables and the ground's, by where they stand."""
+    """Return the tables of objects and ground by their place in the file, e.g. "object[0]"."""
     found: dict[str, EditObjectTable | EditGroundTable] = {f"object[{k}]": own for k, own in enumerate(file.objects)}
     return found if file.ground is None else found | {"ground": file.ground}
 
 
 def _names(tables: dict[str, EditObjectTable | EditGroundTable]) -> dict[str, str]:
-    """A name for each, numbered where a name that was not given is taken. Raises BadInput for a given one twice."""
+    """Return a unique name per table, numbering default names. Raises BadInput for a repeated given name."""
     given: dict[str, str] = {}
     for where, table in tables.items():
         if table.name is not None:

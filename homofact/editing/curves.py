@@ -97,7 +97,7 @@ class Bands:
     finer: bool = False
 
     def __post_init__(self) -> None:
-        """Refuse what is no curve."""
+        """Reject invalid values of a curve."""
         shape = tuple(self.values.shape)
         if len(shape) != 2 or shape[0] not in BANDS or shape[1] < 1:
             wanted = f"({' or '.join(map(str, BANDS))}, C)"
@@ -174,7 +174,7 @@ def banded(curve: Curve, count: int, finer: bool = False) -> Bands:
 
 
 def _rebanded(curve: Bands, count: int, finer: bool) -> Bands:
-    """Means of constant pieces, by their integral from 0, whose straight lines bend at the edges of `curve` alone."""
+    """Return a curve with other bands: means over the new bands of the piecewise constant `curve`."""
     if (curve.count, curve.finer) == (count, finer):
         return curve
     edges, wanted = band_edges(curve.count, curve.finer), band_edges(count, finer)
@@ -185,7 +185,7 @@ def _rebanded(curve: Bands, count: int, finer: bool) -> Bands:
 
 
 def _within(count: int, finer: bool, place: Tensor) -> Tensor:
-    """Angles (J·n,) at `place` (n,), 0 to 1, of every band."""
+    """Return the angles (J·n,) at relative positions `place` (n,), from 0 to 1, in every band."""
     edges = band_edges(count, finer)
     return (edges[:-1, None] + edges.diff()[:, None] * place).reshape(-1)
 

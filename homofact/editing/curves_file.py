@@ -84,7 +84,7 @@ def read_curves(path: str | os.PathLike[str], materials: Sequence[Editable]) -> 
 
 
 def _values(entry: Fields, channels: int) -> torch.Tensor:
-    """The table (J, C) under "values"."""
+    """Return the table (J, C) under the key "values"."""
     rows: Any = entry.found.get("values")
     if not isinstance(rows, list) or not rows:
         entry.refuse("values", f"rows of {channels} numbers")

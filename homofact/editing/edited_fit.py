@@ -123,14 +123,14 @@ def fit_edit(
 
 
 def _rms(fit: Reflectance, edited: Edited) -> float:
-    """Relative RMS over cosine-weighted pairs."""
+    """Return the relative RMS error over cosine-weighted pairs."""
     wi, wo = draw_cosine_weighted(_PAIRS, torch.Generator().manual_seed(_SEED))
     wanted, found = edited.evaluate(wi, wo), torch.as_tensor(fit.evaluate(wi, wo))
     return float((found - wanted).square().mean().sqrt() / wanted.square().mean().sqrt())
 
 
 def _edited_source(own: EditMaterial, edited: Edited) -> Source:
-    """The material's samples as edited."""
+    """Return the material's samples with the edit applied, as a source."""
     begun = time.perf_counter()
     source = _own_source(own)
     samples = source.samples
@@ -152,7 +152,7 @@ def _edited_source(own: EditMaterial, edited: Edited) -> Source:
 
 
 def _own_source(own: EditMaterial) -> Source:
-    """The material as a source of samples: what its file has, or drawn."""
+    """Return the material as a source: the samples of its file, or drawn samples."""
     found = own.opened.reflectance
     if own.opened.kind == SOURCE:
         return open_source(own.opened.words)
@@ -162,7 +162,7 @@ def _own_source(own: EditMaterial) -> Source:
 
 
 def _curves_record(material: Editable, curves: Mapping[Place, Any]) -> list[dict[str, Any]]:
-    """The curves for the provenance: what they were edited to, with the start beside them. JSON-able."""
+    """Return the edited curves and their initial values as JSON for the provenance."""
     start = material.banded_start()
     return [
         {

@@ -86,7 +86,7 @@ def clear_shares(meshes: Sequence[Mesh], seen: VisiblePixels) -> np.ndarray:
 
 
 def _taken(coarse: VisiblePixels, camera: Camera, seen: VisiblePixels, finer: Camera, values: np.ndarray) -> np.ndarray:
-    """Radiance (P', C) of `seen` pixels from the `values` (P, C) of the coarse ones."""
+    """Return the radiance (P', C) of `seen` pixels, interpolated from `values` (P, C) of coarse pixels."""
     width, height = camera.pixels
     # The row of each covered pixel, −1 elsewhere and beyond the edges.
     grid = np.full(height * width, -1)

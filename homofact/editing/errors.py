@@ -72,7 +72,7 @@ def rank_errors(prepared: PreparedScene) -> tuple[PartError, ...]:
 
 
 def _share(prepared: PreparedScene, part: PreparedTerm, curves: Curves) -> float:
-    """RMS of a part's light over the RMS of all light of its object in its view."""
+    """Return the RMS of a part's light divided by the RMS of all light of its object in its view."""
     own = prepared.pixels[part.view].objects == part.object
     sizes = []
     for parts in ([part], [each for each in prepared.parts if each.view == part.view and each.object == part.object]):
@@ -108,7 +108,7 @@ def light_error(prepared: PreparedScene) -> dict[str, float]:
 
 
 def _sent(scene: EditScene, pixels: VisiblePixels, meshes: MeshGroup) -> BouncedLight:
-    """The light of pixels by way of surfaces, whose materials are asked."""
+    """Return the light that pixels receive from surfaces, evaluating their materials directly."""
     bounce = Bounce.of(meshes, len(scene.channels))
     met = bounce.met(pixels)
     lights = triangle_lights(scene.lighting, BOUNCED_LIGHTS, len(scene.channels))
@@ -117,7 +117,7 @@ def _sent(scene: EditScene, pixels: VisiblePixels, meshes: MeshGroup) -> Bounced
 
 
 def _asked_of_all(scene: EditScene, light: Light) -> torch.Tensor:
-    """R (P, C) of the pixels, each of its own object."""
+    """Return the radiance R (P, C) of the pixels, each with its object's material."""
     found = torch.zeros(len(light.pixels), len(scene.channels), dtype=torch.float64)
     for which, edited in enumerate(scene.objects):
         own = np.flatnonzero(light.pixels.objects == which)
@@ -128,7 +128,7 @@ def _asked_of_all(scene: EditScene, light: Light) -> torch.Tensor:
 
 
 def _asked(light: Light, edited: EditObject) -> torch.Tensor:
-    """R (P, C) of an object's pixels, each triangle of light asked at `DIVIDED` points."""
+    """Return R (P, C) of an object's pixels, with `DIVIDED` points per triangle of light."""
     pixels, reaching = light.pixels, light.reaching()
     points = LightPoints.of(light.lights, DIVIDED)
     total = torch.zeros(len(pixels), light.lights.channels, dtype=torch.float64)

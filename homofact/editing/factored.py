@@ -94,7 +94,7 @@ def half_and_diffuse(reflectance: Reflectance, name: str = "material", bands: tu
 
 
 def _factored(values: Tensor, angles: list[Tensor]) -> Tensor:
-    """Logarithms (4, M, C) of G_d, H_d, G_s, H_s at the knots, for values (N, C) at four angles (N,) each."""
+    """Fit logarithms (4, M, C) of G_d, H_d, G_s, H_s at the knots to values (N, C) at four angles each."""
     channels, mean = values.shape[1], values.mean(0)
     target = torch.log(values / mean + _SPLIT_EPSILON)
     places = [hat(gamma, _KNOTS) for gamma in angles]
@@ -125,7 +125,7 @@ def _factored(values: Tensor, angles: list[Tensor]) -> Tensor:
 
 
 def _means(values: Tensor, number: Tensor, share: Tensor) -> Tensor:
-    """Means (M, C) of values (N, C) about each knot by the hat's weights; the last one's where there are none."""
+    """Return hat-weighted means (M, C) of values (N, C) about each knot; empty knots repeat the previous one."""
     numbers, weights = torch.cat((number, number + 1)), torch.cat((1 - share, share))
     sums = torch.zeros(_KNOTS, values.shape[1], dtype=values.dtype)
     counts = torch.zeros(_KNOTS, 1, dtype=values.dtype)
@@ -147,7 +147,7 @@ def _values(reflectance: Reflectance, wi: Tensor, wo: Tensor) -> Tensor:
 
 
 def _zeros(values: Tensor) -> tuple[str, ...]:
-    """A note where the material is zero: nothing times anything stays nothing."""
+    """Return a note if some values are zero: multiplying curves cannot change them."""
     share = float((values <= 0).to(torch.float64).mean())
     if share == 0:
         return ()

@@ -166,7 +166,7 @@ class LitSurfaces:
         return rows, senders, BouncedLight(pixels.some(rows), self.bounce.lights, begins, numbers, radiance)
 
     def _sent(self, number: int, met: Met) -> tuple[Met, np.ndarray]:
-        """What is met of a sender, and what that sends (S, C), with its pattern."""
+        """Return the points met on a sender, and the light (S, C) that they send, with its pattern."""
         sender, meshes = self.scene.senders[number], self.bounce.meshes
         own = met.some(np.flatnonzero(met.owners == sender.object))
         sent, pattern = own.at(self.light), self.scene.objects[sender.object].patterns.get(sender.terms[0])

@@ -101,7 +101,7 @@ def even_triangles(number: int, channels: int) -> TriangleLights:
 
 
 class _Tree:
-    """Triangles by their corners' numbers; corners are shared."""
+    """A subdivision into triangles, stored as indices of shared corners."""
 
     def __init__(self) -> None:
         self.vertices: list[np.ndarray] = [*_CORNERS]
@@ -109,7 +109,7 @@ class _Tree:
         self.leaves: list[tuple[int, int, int]] = []
 
     def middle(self, a: int, b: int) -> int:
-        """Return the number of the middle of an edge."""
+        """Return the index of an edge's midpoint, adding it if necessary."""
         key = (min(a, b), max(a, b))
         if key not in self.middle_of:
             total = self.vertices[a] + self.vertices[b]
@@ -118,17 +118,17 @@ class _Tree:
         return self.middle_of[key]
 
     def children(self, triangle: tuple[int, int, int]) -> list[tuple[int, int, int]]:
-        """Return the four, the middle one last."""
+        """Return the four parts of a triangle, the middle one last."""
         a, b, c = triangle
         ab, bc, ca = self.middle(a, b), self.middle(b, c), self.middle(c, a)
         return [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]
 
     def corners(self, triangle: tuple[int, int, int]) -> np.ndarray:
-        """Return (3, 3)."""
+        """Return the corners (3, 3) of a triangle."""
         return np.stack([self.vertices[k] for k in triangle])
 
     def add_small(self, axis: np.ndarray, solid_angle: float) -> None:
-        """An equilateral leaf about a direction."""
+        """Add a small equilateral leaf triangle about a direction."""
         # Of radius r, an equilateral triangle has (3√3/4) r².
         radius = math.sqrt(solid_angle / (3 * math.sqrt(3) / 4))
         across = np.cross(axis, np.eye(3)[np.abs(axis).argmin()])
@@ -142,7 +142,7 @@ class _Tree:
         self.leaves.append((first, first + 1, first + 2))
 
     def lights(self, radiance: np.ndarray) -> TriangleLights:
-        """Return the leaves with their radiances (M, C), but those without light."""
+        """Return the leaves with nonzero radiance (M, C) as triangle lights."""
         lit = np.asarray(radiance.any(1))
         leaves = [leaf for leaf, each in zip(self.leaves, lit, strict=True) if each]
         middles = [(self.middle(b, c), self.middle(c, a), self.middle(a, b)) for a, b, c in leaves]
@@ -177,7 +177,7 @@ def triangle_solid_angles(corners: np.ndarray) -> np.ndarray:
 def _divide(
     tree: _Tree, points: np.ndarray, weights: np.ndarray, smallest: float, number: int, maps: list[EnvironmentMap]
 ) -> list[np.ndarray]:
-    """Fill the tree's leaves; their radiances (C,). `weights` (P, 1 + C): solid angle and energy of each point."""
+    """Fill the tree's leaves; return their radiances. `weights` (P, 1 + C) are the points' solid angle and energy."""
     order, heap, done = count(), [], []
 
     def put(triangle: tuple[int, int, int], own: np.ndarray) -> None:
@@ -215,7 +215,7 @@ def _divide(
 
 
 def _sorted_into(corners: list[np.ndarray], points: np.ndarray) -> np.ndarray:
-    """The number of the triangle (of those with positive or negative winding alike) that holds each point, or −1."""
+    """Return the index of the triangle, of either winding, that contains each point, or −1."""
     found = np.full(len(points), -1)
     for k, (a, b, c) in enumerate(corners):
         sides = np.stack((points @ np.cross(a, b), points @ np.cross(b, c), points @ np.cross(c, a)))
@@ -225,9 +225,10 @@ def _sorted_into(corners: list[np.ndarray], points: np.ndarray) -> np.ndarray:
 
 
 def _points(maps: list[EnvironmentMap], wanted: int, channels: int) -> tuple[np.ndarray, np.ndarray, float]:
-    """Points (P, 3), their solid angles and energies (P, 1 + C), and the solid angle that no triangle goes below.
+    """Return points (P, 3), their solid angles and energies (P, 1 + C), and the triangles' least solid angle.
 
-    Maps are put on the grid of the finest one. Each texel has as many points as make `wanted` of them, at least 4.
+    All maps are sampled on the grid of the finest one. Each texel gets at least 4 points, and more if necessary for
+    `wanted` points in total.
     """
     rows = max(int(each.radiance.shape[0]) for each in maps)
     columns = max(int(each.radiance.shape[1]) for each in maps)

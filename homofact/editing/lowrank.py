@@ -83,12 +83,12 @@ class LowRank:
         return math.sqrt(float(((found - exact) ** 2).mean()) / size) if size > 0 else 0.0
 
     def _held(self, curves: Sequence[Tensor]) -> np.ndarray:
-        """W ρ (C, r), float32."""
+        """Return W ρ (C, r), float32."""
         check_curves(self.bands, self.channels, curves)
         return self.outward.times(product_of(curves) / self.scale).T
 
     def _vectors(self, active: int, curves: Sequence[Tensor]) -> Tensor:
-        """W with the other curve held (C, r, J or K), float32."""
+        """Return W with the other curve fixed, (C, r, J or K) float32."""
         check_curves(self.bands, self.channels, curves)
         if len(self.bands) == 1:
             return torch.from_numpy(self._rows * self._inverse[:, None])

@@ -39,7 +39,7 @@ class Slot:
     sliders: "Sliders | None" = None
 
     def __post_init__(self) -> None:
-        """Refuse an angle that is none, and a number of bands that is not offered."""
+        """Reject an unknown angle, and an unsupported number of bands."""
         check_angle(self.angle)
         if self.bands not in BANDS:
             wanted = f"one of {', '.join(map(str, BANDS))}"
@@ -91,7 +91,7 @@ class EditableTerm:
     slots: tuple[Slot, ...]
 
     def __post_init__(self) -> None:
-        """Refuse no curve, or more than two, in the sum over the light, and names that stand twice."""
+        """Reject terms without a curve or with more than two curves in the sum over the light, and repeated names."""
         if not 1 <= len(self.summed) <= 2:
             found = len(self.summed)
             raise BadInput(where=self.name, found=f"{found} curves over angles with the light", expected="1 or 2")
@@ -136,7 +136,7 @@ class Editable:
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        """Refuse terms of one name."""
+        """Reject terms with equal names."""
         names = [term.name for term in self.terms]
         if not names or len(set(names)) < len(names):
             raise BadInput(where=self.name, found=f"the terms {', '.join(names) or 'none'}", expected="different names")

@@ -236,7 +236,7 @@ def quotient_of(reflectance: Reflectance):
 
 
 def _with_diffuse(model: Any, name: str, *terms: EditableTerm) -> Editable:
-    """The terms after the model's `diffuse` colour kd as a term LV: kd/π, curves over θi and θo that start at 1."""
+    """Return a material of a diffuse term LV, kd/π times curves over θi and θo from 1, and the given terms."""
     diffuse: Colour = model.diffuse
     count = len(diffuse)
     slots = (Slot("incident", "theta_i", flat(count)), Slot("outgoing", "theta_o", flat(count)))
@@ -246,7 +246,7 @@ def _with_diffuse(model: Any, name: str, *terms: EditableTerm) -> Editable:
 def _one_lobe(
     model: Any, name: str, over: str, width: Sliders, bands: int, quotient: Quotient | None = None
 ) -> Editable:
-    """A model whose lobe is one curve: ks, or another quotient, times it."""
+    """Return a material whose lobe is one curve times ks, or times another `quotient`."""
     slot = Slot("lobe", over, width.curve(), bands, sliders=width)
     return _with_diffuse(model, name, EditableTerm(SPECULAR, quotient or _constant(model.specular), (slot,)))
 

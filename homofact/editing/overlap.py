@@ -56,7 +56,7 @@ class VisibleLights(NamedTuple):
 
 
 class _Shapes(NamedTuple):
-    """Those arrays of `TriangleLights`."""
+    """The geometric arrays of `TriangleLights`."""
 
     vertices: np.ndarray
     triangles: np.ndarray
@@ -65,7 +65,7 @@ class _Shapes(NamedTuple):
 
 
 class _BandTables(NamedTuple):
-    """`band_table` of both angles."""
+    """The results of `band_table` for both angles."""
 
     edges_a: np.ndarray
     looked_a: np.ndarray
@@ -78,7 +78,7 @@ def _one_angle(
     light: np.ndarray, s: int, part: float, t: np.ndarray, k: int, edges: np.ndarray, looked: np.ndarray,
     shares: np.ndarray, sums: np.ndarray, times: int, more: int,
 ) -> None:  # pragma: no cover (compiled)  # fmt: skip
-    """Add light s times `part` to the bands of `sums` (J·times·3,), number `more` of each, by row k of `t`."""
+    """Add `part` of light s to entry `more` of the bands in `sums` (J·times·3,), shared by row k of `t`."""
     first, last = band_shares(t, k, edges, looked, part, shares)
     red, green, blue = light[s, 0], light[s, 1], light[s, 2]
     for i in range(last - first + 1):
@@ -94,7 +94,7 @@ def _two_angles(
     looked_a: np.ndarray, edges_b: np.ndarray, looked_b: np.ndarray, shares: np.ndarray, lit: np.ndarray,
     sums: np.ndarray,
 ) -> None:  # pragma: no cover (compiled)  # fmt: skip
-    """The same for the bands of two angles, (J·K·3,), independent within the triangle."""
+    """Add a light to bands of two angles, (J·K·3,), as if the angles were independent in the triangle."""
     lowest, highest = band_shares(tb, k, edges_b, looked_b, part, shares)
     red, green, blue = light[s, 0], light[s, 1], light[s, 2]
     count = highest - lowest + 1
@@ -112,7 +112,7 @@ def _two_angles(
 def _between(
     points: np.ndarray, n: int, one: np.ndarray, i: int, other: np.ndarray, j: int
 ) -> None:  # pragma: no cover (compiled)
-    """Put the middle of two unit vectors, rows i and j, into row n of `points`."""
+    """Write the normalized mean of two unit vectors, rows i and j, into row n of `points`."""
     x, y, z = one[i, 0] + other[j, 0], one[i, 1] + other[j, 1], one[i, 2] + other[j, 2]
     scale = 1.0 / np.sqrt(x * x + y * y + z * z)
     points[n, 0], points[n, 1], points[n, 2] = x * scale, y * scale, z * scale
@@ -123,10 +123,11 @@ def _divide(
     points: np.ndarray, n: int, kinds: tuple[int, int], ox: float, oy: float, oz: float, y: np.ndarray, z: np.ndarray,
     shares: np.ndarray, sizes: np.ndarray, m: int, made: np.ndarray, made_y: np.ndarray,
 ) -> None:  # pragma: no cover (compiled)  # fmt: skip
-    """Put the four parts of the triangle in row n of the stack into its rows n … n + 3.
+    """Replace the triangle in row n of the stack by its four parts in rows n … n + 3.
 
-    `points` (., 6, 3) are corners and the middles opposite to them, `y` and `z` (., 6) the two angles there. The nine
-    middles between corners and middles (3k + j: corner k and middle j ≠ k, k + k: the middles but k) go into `made`.
+    `points` (., 6, 3) are the corners and the midpoints of the opposite edges; `y` and `z` (., 6) are the two angles
+    there. `made` receives nine midpoints. Entry 3k + j lies between corner k and midpoint j ≠ k. Entry 4k lies between
+    the two midpoints other than k.
     """
     own = points[n]
     for k in range(3):

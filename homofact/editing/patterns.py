@@ -29,7 +29,7 @@ class PicturePattern:
     picture: np.ndarray
 
     def __call__(self, points: np.ndarray, uv: np.ndarray) -> np.ndarray:
-        """Factors (P, 3), bilinear, the picture repeated; row 0 lies at v = 0."""
+        """Return factors (P, 3) by bilinear lookup in the repeated picture; row 0 lies at v = 0."""
         height, width = self.picture.shape[:2]
         mean = self.picture.mean((0, 1))
         relative = np.where(mean > 0, self.picture / np.where(mean > 0, mean, 1.0), 1.0)
@@ -53,7 +53,7 @@ class Wood:
     channels: int
 
     def __call__(self, points: np.ndarray, uv: np.ndarray) -> np.ndarray:
-        """Factors (P, C) from .55 to 1.3, less blue than red in the dark of the rings."""
+        """Return factors (P, C) up to 1.25; dark rings reflect less blue than red."""
         x, y, z = points.T / self.size
         radius = np.hypot(y + 0.15 * np.sin(0.9 * x), z + 0.15 * np.cos(0.7 * x) + 3.0)
         ring = 0.5 + 0.5 * np.sin(2 * math.pi * radius + 0.6 * np.sin(1.7 * x))

@@ -114,14 +114,14 @@ def _check_size(scene: EditScene, pixels: Sequence[VisiblePixels]) -> None:
 
 
 def _bands(term: EditableTerm) -> tuple[int, int]:
-    """(J, K), K = 1 where there is one curve."""
+    """Return the numbers of bands (J, K) of a term; K = 1 for a single curve."""
     counts = [slot.bands for slot in term.summed]
     return counts[0], counts[1] if len(counts) == 2 else 1
 
 
 @dataclass
 class _Work:
-    """What all blocks share."""
+    """The state that all blocks share."""
 
     threads: int
     total: int
@@ -130,7 +130,7 @@ class _Work:
     points: dict[tuple[type, Quotient], LightPoints] = field(default_factory=dict)
 
     def ask(self, light: Light, edited: EditObject, divided: int | None) -> None:
-        """Choose at how many points a triangle's quotients are asked, by some of these pixels unless it is given."""
+        """Choose the points per triangle for quotients by a test on some pixels, unless `divided` is given."""
         count = len(light.pixels)
         order = np.random.default_rng(1).permutation(count)
         some = light.some(np.sort(order[:_ASKED_PIXELS]))
@@ -146,9 +146,9 @@ class _Work:
     def fill(
         self, tables: Sequence[np.ndarray], light: Light, edited: EditObject, kept: Sequence[Kept], share: float = 0
     ) -> None:
-        """Fill the rows of every term's table with what its function keeps of each block (B, C, J·K) and its rows.
+        """Fill every term's table, applying its function in `kept` to each block (B, C, J·K) and the block's rows.
 
-        Each row counts as the `share` of a pixel done.
+        For the progress, each row counts as `share` of a pixel.
         """
         count = len(light.pixels)
         widest = max(int(np.prod(_bands(term))) for term in edited.material.terms) * len(edited.material.channels)
@@ -220,13 +220,13 @@ def _low_rank(work: _Work, light: Light, edited: EditObject, tolerance: float, s
 
 
 def _basis_pixels(terms: Sequence[EditableTerm], count: int) -> int:
-    """How many of so many pixels the bases are made of: they are computed twice."""
+    """Return how many of `count` pixels to compute the bases from; these pixels are computed twice."""
     least, most = _BASIS_PIXELS
     return max(least, min(most, count // 4)) if any(len(term.summed) == 2 for term in terms) else least
 
 
 def _bases(work: _Work, light: Light, edited: EditObject, which: np.ndarray, tolerance: float) -> list[Basis]:
-    """Every term's basis, of the channels `which` (S, n) of each of these pixels."""
+    """Return every term's basis, from the channels `which` (S, n) of each of these pixels."""
     terms = edited.material.terms
     first = [np.empty((*which.shape, int(np.prod(_bands(term)))), np.float32) for term in terms]
     work.fill(

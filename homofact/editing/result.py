@@ -115,7 +115,7 @@ def pictures(prepared: PreparedScene) -> list[np.ndarray]:
 
 
 def _as_rgb(values: torch.Tensor) -> torch.Tensor:
-    """One channel shows as grey; of others the first three."""
+    """Return RGB values: one channel as grey, otherwise the first three channels."""
     return values.expand(*values.shape[:2], 3) if values.shape[2] == 1 else values[..., :3]
 
 
@@ -145,7 +145,7 @@ def read_report(place: Path) -> tuple[EditSceneFile, dict[str, Any]]:
 
 
 def _report(fields: Fields) -> dict[str, Any]:
-    """The report, its errors as the page shows them. Raises BadInput."""
+    """Return the report after checking the errors that the page shows. Raises BadInput."""
     if "error" in fields.found:
         errors = fields.inner("error")
         if "lights_and_bands" in errors.found:

@@ -35,7 +35,7 @@ class EditObject:
     patterns: Mapping[str, Pattern] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Refuse a pattern of a term that is not there."""
+        """Reject a pattern for an unknown term."""
         for name in self.patterns:
             self.material.term(name)
 
@@ -64,7 +64,7 @@ class EditScene:
     bounces: int = 0
 
     def __post_init__(self) -> None:
-        """Refuse what has nothing to show, and names that are there twice."""
+        """Reject a scene with nothing to show, and repeated names."""
         for what, found in (("objects", self.objects), ("views", self.cameras)):
             if not found:
                 raise BadInput(where=what, found="none", expected="at least one")

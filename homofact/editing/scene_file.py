@@ -49,9 +49,9 @@ TRIANGLES = 4000
 
 @dataclass(frozen=True, kw_only=True)
 class _Edited(MaterialTable):
-    """What of a material is edited: its `name` in curves, the `curves`, and `bands` of those in the sum.
+    """The editing options of a material: its `name` in curves, the `curves`, and the `bands` of curves in the sum.
 
-    `pattern` multiplies its first term from place to place.
+    `pattern` multiplies the first term by a factor that varies over the surface.
     """
 
     name: str | None = None
@@ -61,7 +61,7 @@ class _Edited(MaterialTable):
     bands: tuple[int, ...] | None = None
 
     def __post_init__(self) -> None:
-        """Refuse no name, no curves and no bands. Raises BadInput."""
+        """Reject invalid names, curves and bands. Raises BadInput."""
         super().__post_init__()
         if self.name is not None and not self.name.strip():
             raise BadInput(where="name", found="an empty one", expected="a name")
@@ -204,7 +204,7 @@ Table = TypeVar("Table", bound=_Edited)
 
 
 def _with_pattern(table: Table, folder: Path, where: str) -> Table:
-    """The table with a pattern's picture, relative to `folder`, made findable. Raises BadInput where there is none."""
+    """Return the table with the pattern's path resolved in `folder`. Raises BadInput if the file is missing."""
     if table.pattern is None or table.pattern in BUILT_IN:
         return table
     if not (folder / table.pattern).is_file():

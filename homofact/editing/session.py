@@ -111,7 +111,7 @@ class Session:
         self.set({address: Bands(curve.values * factors ** (1 / (1 + slot.also_outgoing)), curve.finer)})
 
     def _mean_albedo(self, name: str, curves: dict[Address, Bands]) -> Tensor:
-        """The mean albedo (C,) of a material with these curves, under uniform light."""
+        """Return the mean albedo (C,) of a material with these curves under uniform light."""
         own = {address[1:]: curve for address, curve in curves.items() if address[0] == name}
         found = albedo_of(self.material(name).edited(own))
         return torch.from_numpy(mean_weights()) @ torch.tensor(found.values, dtype=torch.float64)

@@ -63,7 +63,7 @@ def digest_of(scene: EditScene, triangles: int) -> str:
 
 
 def _views_text(scene: EditScene) -> str:
-    """The cameras as the digests of all files of this version have them."""
+    """Return the text of the cameras that enters the digest of files of this version."""
     views = [
         f"FixedView(name={name!r}, position={camera.eye!r}, target={camera.target!r}, width={camera.pixels[0]!r},"
         f" height={camera.pixels[1]!r}, degrees={camera.field!r})"
@@ -132,7 +132,7 @@ def read_prepared(path: str | os.PathLike[str], scene: EditScene) -> PreparedSce
 
 
 def _pixels(arrays: Arrays, scene: EditScene, number: int) -> VisiblePixels:
-    """What a view sees: pixels in their order, each of an object that is there. Raises BadInput."""
+    """Read a view's visible pixels and check their order and objects. Raises BadInput."""
     own, (width, height) = f"view_{number}_", scene.cameras[number].pixels
     numbers = arrays.stored(f"{own}numbers", np.int64, (ANY,), 0, width * height - 1)
     if (np.diff(numbers) <= 0).any():

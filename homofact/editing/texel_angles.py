@@ -43,7 +43,7 @@ def angles_of_texels(term: Term[Any]) -> dict[str, Tensor]:
 
 
 def _axis(term: Term[Any], row: int) -> str | None:
-    """The coordinate that a row of the matrix takes alone and as it is."""
+    """Return the axis that a matrix row passes through unchanged; None for other rows."""
     entries = term.projection.matrix[row]
     taken = entries.nonzero()[0].tolist()
     if len(taken) != 1 or float(entries[taken[0]]) != 1:
@@ -52,7 +52,7 @@ def _axis(term: Term[Any], row: int) -> str | None:
 
 
 def _raw(term: Term[Any], name: str, place: Tensor) -> Tensor:
-    """A box's coordinate in radians."""
+    """Return an axis coordinate of the texture square in radians."""
     system, warp = term.projection.system, term.projection.warp
     if warp is not None and name == "theta_h":
         return RIGHT_ANGLE * _unwarped((place + 1) / 2, warp.width)
@@ -73,5 +73,5 @@ def _of_disc(term: Term[Any], names: list[str | None], places: tuple[Tensor, ...
 
 
 def _unwarped(stretched: Tensor, width: float) -> Tensor:
-    """ρ of asinh(ρ/width)/asinh(1/width)."""
+    """Return ρ from its warped value asinh(ρ/width)/asinh(1/width)."""
     return width * torch.sinh(stretched * math.asinh(1 / width))

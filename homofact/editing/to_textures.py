@@ -62,7 +62,7 @@ class Edit:
     also_outgoing: bool = False
 
     def __post_init__(self) -> None:
-        """Refuse an angle that is none, and both ends of another one than θi."""
+        """Reject an unknown angle, and `also_outgoing` for an angle other than θi."""
         check_angle(self.angle)
         if self.also_outgoing and self.angle != "theta_i":
             found = f"a ratio over {LETTERS[self.angle]} at both ends"
@@ -204,7 +204,7 @@ def undo_edit(fit: Factorization) -> Factorization:
 
 
 def _added(term: Term[Any], edit: Edit) -> Tensor | None:
-    """What is to be added to a texture's texels (rows, columns, C); None where it cannot take the edit."""
+    """Return the summand (rows, columns, C) for a texture's texels; None if it cannot represent the edit."""
     known, twice = angles_of_texels(term), term.projection.lookups == 2
     if edit.angle not in known:
         return None
@@ -228,7 +228,7 @@ def _by_texels(fit: Factorization, edit: Edit, number: int, refine: int) -> Fact
 
 
 def _refined(term: Term[Tensor], times: int) -> Term[Tensor]:
-    """The texture with `times` steps between two texels, interpolated: the same function."""
+    """Refine a texture `times` times by interpolation, without changing its function."""
     for dimension, axis in enumerate(term.projection.axes):
         count = term.size[dimension]
         if count == 1 or times == 1:
@@ -285,7 +285,7 @@ def _recorded(fit: Factorization, edit: Edit, **more: Any) -> Factorization:
 
 
 def _judged(before: Factorization, edit: Edit, after: Factorization, way: str) -> AppliedEdit:
-    """What is left, over held-out pairs; stated in the record too."""
+    """Measure the remaining error at held-out pairs, and add it to the record."""
     wi, wo = pairs_of(HELD_OUT, SEED + 1)
     added = edit.log_of_pairs(wi, wo)
     wanted = before.evaluate_log(wi, wo) + added

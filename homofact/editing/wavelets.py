@@ -44,7 +44,7 @@ def transformed(values: Tensor) -> Tensor:
 
 
 def _step(values: Tensor) -> tuple[Tensor, Tensor]:
-    """(low-pass, high-pass), half as long each."""
+    """Return the low-pass and high-pass halves of one wavelet step."""
     shifted = [torch.roll(values, -k, -1)[..., ::2] for k in range(4)]
     low = sum((LOW[k] * shifted[k] for k in range(4)), torch.zeros_like(shifted[0]))
     high = sum((HIGH[k] * shifted[k] for k in range(4)), torch.zeros_like(shifted[0]))

@@ -41,7 +41,7 @@ def _source(provenance: Mapping[str, Any]) -> Mapping[str, Any]:
 
 
 def _words(record: Any) -> str:
-    """An edit's angle, where it went, and what it leaves; fits of earlier builds state no error."""
+    """Describe an edit: its angle, how it was applied, and its error; fits of earlier builds contain no error."""
     if not isinstance(record, Mapping):
         return "edited"
     angle, way, rms = str(record.get("angle")), str(record.get("way")), record.get("rms")

@@ -98,7 +98,7 @@ class Flux:
 
 
 def _squares(samples: Samples, transform: LogTransform) -> Tensor:
-    """q (N, C) of the module's head; 0 for the samples of a measurement."""
+    """Return the weights q (N, C) of the module's docstring; 0 for samples of a measurement."""
     if scheme_of(samples) is None:
         return torch.zeros_like(samples.values)
     each = solid_angles(samples) * (samples.wi[:, 2] * samples.wo[:, 2]) ** 2
@@ -107,7 +107,7 @@ def _squares(samples: Samples, transform: LogTransform) -> Tensor:
 
 
 def _curvature(per_value: Any, squares: Any, values: Any) -> Any:
-    """½ p v + q v² (N, C) of values v, in tensors or arrays: half of what the light's part of J is curved by."""
+    """Return ½ p v + q v² (N, C) for values v, half the curvature of the light terms of J."""
     return 0.5 * per_value * values + squares * values**2
 
 
@@ -145,14 +145,14 @@ def keep_light(
 
 
 class _Dense:
-    """U (K, K), an upper triangle; the rest as of `BlockBanded`."""
+    """A dense upper triangular factor U (K, K), with the interface of `BlockBanded`."""
 
     def __init__(self, factor: np.ndarray) -> None:
         self._factor = factor
 
     @classmethod
     def of(cls, bound: np.ndarray, penalty: scipy.sparse.coo_matrix) -> "_Dense":
-        """U of a dense matrix, which is destroyed, and a sparse one added to it."""
+        """Return the Cholesky factor U of `bound` + `penalty`, overwriting `bound`."""
         bound[penalty.row, penalty.col] += penalty.data
         # Texels that next to nothing holds may leave the matrix singular to working precision.
         bound[np.diag_indices_from(bound)] += 1e-9 * np.trace(bound) / len(bound)
@@ -172,7 +172,7 @@ class _Dense:
 
 
 class _Light:
-    """J over Σ w as a function of z = Uy, with UᵀU the curvature's bound at the start: a problem as round as can be."""
+    """J / Σ w as a function of z = U y, where UᵀU bounds the curvature at the start; this preconditions the problem."""
 
     def __init__(
         self,
@@ -224,11 +224,11 @@ class _Light:
             self._factor = own_blocks(problem, weights, scipy.sparse.csr_matrix(self._penalty))
 
     def start(self) -> np.ndarray:
-        """z of the given texels."""
+        """Return z of the given texels."""
         return self._factor.times(self._texels[self._kept]).ravel()
 
     def evaluate(self, z: np.ndarray) -> tuple[float, np.ndarray]:
-        """Return (J, its slope by z), over Σ w."""
+        """Return J and its gradient by z, both divided by Σ w."""
         texels = self._of(z)
         logs = self._sums(texels)
         if self._clipped is not None:

@@ -252,7 +252,7 @@ class Factorization:
 
 
 def _caption(projection: Projection) -> str:
-    """What a texture is indexed by, in the field's letters: "θh, θd, warped", "searched in θi, θo, Δφ"."""
+    """Return a caption of a texture's coordinates, e.g. "θh, θd, warped" or "searched in θi, θo, Δφ"."""
     if projection.quaternions is None:
         where = ", ".join(_LETTERS.get(axis, axis) for axis in projection.name.split("-"))
     else:
@@ -332,5 +332,5 @@ def stored_term(fields: Fields, saved: SavedFit, j: int, channels: int) -> Term[
 
 
 def _names_of_axes(axes: Sequence[Axis] | Axes) -> list[str]:
-    """The kinds of a texture's axes, along its rows and along its columns, by name."""
+    """Return the names of the kinds of a texture's two axes, rows first."""
     return [axis.value for axis in axes]

@@ -68,7 +68,7 @@ def _inside(layout: TexelLayout, masks: tuple[Tensor, ...]) -> Tensor:
 
 
 def _null_combinations(forms: Tensor) -> Tensor:
-    """Columns of coefficients (F, G) of the fields whose forms (F, ·) add to nothing."""
+    """Return coefficients (F, G) of the combinations of fields whose forms (F, ·) sum to zero."""
     if forms.shape[0] == 0:
         return forms.new_zeros(0, 0)
     left, values, _ = torch.linalg.svd(forms, full_matrices=True)
@@ -76,7 +76,7 @@ def _null_combinations(forms: Tensor) -> Tensor:
 
 
 def _orthonormal(columns: Tensor) -> Tensor:
-    """An orthonormal basis of the columns' span."""
+    """Return an orthonormal basis of the columns' span."""
     if columns.shape[1] == 0:
         return columns
     basis, sizes, _ = torch.linalg.svd(columns, full_matrices=False)
@@ -84,9 +84,10 @@ def _orthonormal(columns: Tensor) -> Tensor:
 
 
 def _fields(projections: tuple[Projection, ...], layout: TexelLayout, inside: Tensor) -> tuple[Tensor, Tensor]:
-    """(fields (T, F), forms (F, 1 + V + V²)): every texture's constant, ramps and product as texels, and what they add.
+    """Return fields (T, F), each texture's constant, ramps and product, and their forms (F, 1 + V + V²).
 
-    V counts the variables of all projections, each once: `_variables`.
+    A form contains the polynomial that a field adds to the logarithm: its constant, linear and quadratic coefficients.
+    V is the number of distinct variables of all projections (`_variables`).
     """
     variables = list(dict.fromkeys(name for projection in projections for name in _variables(projection)))
     owner = layout.owners()
@@ -105,12 +106,12 @@ def _fields(projections: tuple[Projection, ...], layout: TexelLayout, inside: Te
 
 
 def _variables(projection: Projection) -> list[tuple[str, Warp | None]]:
-    """What each column of the matrix multiplies, by name: a warp makes another variable of what it stretches."""
+    """Return the variable of each matrix column as (axis, warp); a warped axis is a separate variable."""
     return [(name, projection.warp if name in WARPED_AXES else None) for name in projection.system.axes]
 
 
 def _of_texture(matrices: list[Tensor], shape: Shape, axes: Axes) -> list[tuple[Tensor, Tensor]]:
-    """(form, texels (T,)) of a texture's constant, ramps and product, from the matrices (2, V) of its lookups."""
+    """Return (form, texels (T,)) of a texture's constant, ramps and product from its lookup matrices (2, V)."""
     rows, columns = shape
     up, across = torch.cartesian_prod(texel_centres(rows, axes[0]), texel_centres(columns, axes[1])).unbind(1)
     width = matrices[0].shape[1]

@@ -125,7 +125,7 @@ def _alike(one: Term, other: Term) -> bool:
 
 
 def _stacked(terms: list[Term[np.ndarray]]) -> Term[np.ndarray]:
-    """The layers of one texture one under another; whole numbers and deviations are each layer's own, and left out."""
+    """Return one texture's layers stacked by rows, without the layers' own quantization grids and deviations."""
     texture = np.concatenate([term.texture for term in terms])
     return replace(
         terms[0], texture=texture, mask=np.concatenate([term.mask for term in terms]), deviation=None, grid=None

@@ -117,7 +117,7 @@ class Objective:
         return ObjectiveValue(value, slope, squares * self._scale, texels)
 
     def _chain(self, vector: Tensor, by_matrix: Tensor) -> Tensor:
-        """The derivative by the vector, from those by every lookup's matrix (L, 2, 4)."""
+        """Return the gradient by the parameter vector from the gradients by the lookup matrices (L, 2, 4)."""
         result, parts = torch.zeros_like(vector), iter(self._parts)
         for projection, own in zip(self._projections, self._lookups, strict=True):
             if projection.quaternions is None:
@@ -136,7 +136,7 @@ class Objective:
 
 
 def _slices(lengths: Iterable[int]) -> list[slice]:
-    """Where pieces of these lengths stand, one after another."""
+    """Return the slices of consecutive pieces of these lengths."""
     return [slice(begin, end) for begin, end in pairwise(accumulate(lengths, initial=0))]
 
 
@@ -144,7 +144,7 @@ class JointObjective:
     """The mean of the objectives of several materials that have textures of their own under the same projections."""
 
     def __init__(self, each: tuple[Objective, ...]) -> None:
-        """Of objectives with the same projections and shapes, one or more."""
+        """Join one or more objectives with the same projections and shapes."""
         self._each = each
         self.evaluations = 0
 

@@ -114,7 +114,7 @@ def _solved(fitted: F, samples: Samples, storage: str) -> F:
 
 
 def _as_textures(fitted: Fitted, samples: LogSamples) -> LogSamples:
-    """The samples in the channels of the fit's textures: coordinates where it has a spectral basis."""
+    """Return the samples in the channels of the fit's textures: spectral-basis coordinates if it has such a basis."""
     if not isinstance(fitted, SpectralFit):
         return samples
     # Linear, so that the best coordinates are those of the best logarithms.
@@ -167,7 +167,7 @@ def quantized_terms(
 
 
 def _everywhere(problem: LeastSquares, projections: tuple[Projection, ...]) -> Tensor:
-    """UᵀU (T, T) of `PAIRS` pairs of directions, half of them cosine-weighted, half by the scheme lobe; all texels."""
+    """Return UᵀU (T, T) of all texels for `PAIRS` pairs, half cosine-weighted and half by the scheme lobe."""
     generator = torch.Generator().manual_seed(0)
     drawn = (draw_cosine_weighted(PAIRS // 2, generator), draw_lobe(PAIRS - PAIRS // 2, generator))
     wi, wo = (torch.cat(parts).to(problem.weights.device) for parts in zip(*drawn, strict=True))
@@ -177,7 +177,7 @@ def _everywhere(problem: LeastSquares, projections: tuple[Projection, ...]) -> T
 
 
 def _smallest_ranges(texels: np.ndarray, gauge: np.ndarray, owner: np.ndarray) -> np.ndarray:
-    """Texels (K, C) moved along null directions (K, G) so that the sum of the textures' ranges is least."""
+    """Move texels (K, C) along null directions (K, G) to minimize the sum of the textures' ranges."""
     count, textures = gauge.shape[1], int(owner.max()) + 1
     if count == 0:
         return texels
@@ -199,7 +199,7 @@ def _smallest_ranges(texels: np.ndarray, gauge: np.ndarray, owner: np.ndarray) -
 
 
 class _Closest:
-    """Closest points in the norm of `matrix` H (K, K), for texels of the textures `owner` (K,)."""
+    """Finds integer texels closest in the norm of `matrix` H (K, K); `owner` (K,) numbers each texel's texture."""
 
     def __init__(self, matrix: np.ndarray, owner: np.ndarray, levels: int) -> None:
         self.matrix, self.owner, self.levels = matrix, owner, levels
@@ -208,7 +208,7 @@ class _Closest:
         self.upper = scipy.linalg.cholesky(matrix[np.ix_(self.order, self.order)])
 
     def numbers(self, best: np.ndarray, lows: np.ndarray, steps: np.ndarray) -> np.ndarray:
-        """Whole numbers n (K,) in 0 … levels for which low + step n is near `best` (K,)."""
+        """Return integers n (K,) in 0 … levels for which low + step n is near `best` (K,)."""
         numbers = np.empty_like(best)
         numbers[self.order] = self._round(best, lows, steps)[0]
         step = steps[self.owner]
@@ -216,7 +216,7 @@ class _Closest:
         return _single_steps(self.matrix * step[:, None] * step, target, numbers, self.levels)
 
     def ranges(self, best: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(lowest value, step) of every texture: the range of its texels, drawn in at each end while that helps."""
+        """Return the lowest value and step of every texture: its texels' range, shrunk while the error decreases."""
         ends = np.array(
             [[best[self.owner == j].min(), best[self.owner == j].max()] for j in range(self.owner.max() + 1)]
         )
@@ -248,7 +248,7 @@ class _Closest:
 def _nearest_plane(
     upper: np.ndarray, step: np.ndarray, target: np.ndarray, levels: int
 ) -> tuple[np.ndarray, float]:  # pragma: no cover (compiled)
-    """The whole numbers, and what they add to the objective: Σk (Σj≥k Rkj sj (nj − tj))²."""
+    """Return the integers n and their error Σk (Σj≥k Rkj sj (nj − tj))² for targets t, steps s and factor R."""
     count = len(target)
     numbers = np.zeros(count)
     left = np.zeros(count)

@@ -46,7 +46,7 @@ def whole_basis(
 def _colour_metric(
     logs: np.ndarray, share: np.ndarray, transform: LogTransform, bands: tuple[float, ...]
 ) -> np.ndarray:
-    """M (W, W), as the module's head says."""
+    """Return the metric M (W, W) that the module's docstring defines."""
     metric = np.zeros((len(bands), len(bands)))
     values = _values(transform, logs)
     # df = (f + εA) df̃.
@@ -59,7 +59,7 @@ def _colour_metric(
 
 
 def _values(transform: LogTransform, logs: np.ndarray) -> np.ndarray:
-    """`LogTransform.inverse` of an array."""
+    """Apply `LogTransform.inverse` to an array."""
     return transform.mean * (np.exp(np.minimum(logs, MOST)) - transform.epsilon).clip(0)
 
 

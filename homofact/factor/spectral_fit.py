@@ -164,7 +164,7 @@ class SpectralFit:
 
     @property
     def _product(self) -> Factorization:
-        """The textures alone, as a product of R channels; its A is none."""
+        """Return the textures alone as a product of R channels; its A is 1."""
         return Factorization(self.terms, LogTransform(1.0, np.ones(self.basis.rank)), self.components, self.provenance)
 
     def with_textures(

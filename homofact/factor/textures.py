@@ -234,7 +234,7 @@ def one_sided(problem: LeastSquares, clipped: Tensor, solution: Solution, solver
 
 
 def _reached(diagonal: Tensor, domains: tuple[Tensor, ...], layout: TexelLayout) -> tuple[Tensor, ...]:
-    """The texels of each domain that a sample reads, or that are within `REACH` of the side from one that is."""
+    """Return the texels of each domain that samples read, grown by `REACH` times the texture's side."""
     masks = []
     for domain, own, axes in zip(domains, layout.split(diagonal), layout.axes, strict=True):
         steps = max(1, round(REACH * max(domain.shape)))

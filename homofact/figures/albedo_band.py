@@ -1,4 +1,4 @@
-"""The error bar of a fit's total reflected light by angle of incidence, as a small chart in whole pixels."""
+"""Draw the error bar of a fit's total reflected light by angle of incidence, as a small chart in whole pixels."""
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -15,7 +15,7 @@ _MOST = 3.0  # of the scale: a wider bar runs out of the chart
 
 
 def albedo_band(bars: ErrorBars, width: int) -> np.ndarray | None:
-    """Return the chart (HEIGHT, width, 3) of uint8: what the source reflects over what the fit does; None without bars.
+    """Return the chart (HEIGHT, width, 3) uint8 of the source's albedo relative to the fit's; None without bars.
 
     Angles that were not measured have no band.
     """

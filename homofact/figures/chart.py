@@ -1,10 +1,10 @@
-"""The two charts of one source: error against fitting time, and against what an evaluation costs.
+"""Draw the two charts of one source: error against fitting time, and error against evaluation cost.
 
-Held-out Cole error upwards, cost to the right, both logarithmic: down and to the left is better. Every
-point is a run and says its textures and size; runs that differ in their seed or split alone are one point, their mean,
-with bars from the least to the greatest. The filled points are the Pareto front, which a line joins,
-the open ones are beaten by another in both. McCool's own factorization is the reference: the right
-hand axis and the numbers on the front are shares of its lowest error among the runs of the chart.
+The y axis is the held-out Cole error, the x axis the cost. Both are logarithmic, except for fetches; lower left is
+better. Each point is a run, labelled with the number and size of its textures. Runs that differ only in seed or split
+share one point at their mean, with bars from the least to the greatest value. Filled points form the Pareto front,
+drawn as a line. For each open point, another point has no larger error and no larger cost. The reference is McCool's
+own factorization: the right axis and the numbers on the front are ratios to its lowest error in the chart.
 """
 
 import io
@@ -43,7 +43,7 @@ _MORE: tuple[Look, ...] = (
 
 
 def write_charts(folder: str | os.PathLike[str], name: str, rows: Sequence[ChartRow]) -> list[Path]:
-    """Draw both charts of one source's rows into `folder`: NAME_time and NAME_cost, as PNG and SVG; their paths.
+    """Draw both charts into `folder` as NAME_time and NAME_cost, each as PNG and SVG, and return their paths.
 
     Raises BadInput where no row can be drawn or the folder cannot be written.
     """
@@ -63,7 +63,7 @@ def write_charts(folder: str | os.PathLike[str], name: str, rows: Sequence[Chart
 
 
 def time_chart(rows: Sequence[ChartRow]) -> Figure:
-    """Held-out Cole error against the seconds of the fit."""
+    """Return the chart of held-out Cole error against the seconds of the fit."""
     figure = Figure(figsize=(10, 7))
     axes = figure.subplots()
     _finish(figure, rows, "error against fitting time", [Panel(axes, _points(rows), SECONDS)])
@@ -71,7 +71,7 @@ def time_chart(rows: Sequence[ChartRow]) -> Figure:
 
 
 def cost_chart(rows: Sequence[ChartRow]) -> Figure:
-    """Held-out Cole error against the bytes of the textures, and against the fetches of an evaluation."""
+    """Return the chart of held-out Cole error against the textures' bytes and against fetches per evaluation."""
     figure = Figure(figsize=(14, 7))
     left, right = figure.subplots(1, 2)
     panels = [Panel(left, _points(rows), BYTES), Panel(right, _points(rows), FETCHES)]
@@ -88,7 +88,7 @@ def _points(rows: Sequence[ChartRow]) -> list[ChartPoint]:
 
 
 def _looks(rows: Sequence[ChartRow]) -> dict[str, Look]:
-    """A colour, a shape and its width for each series; the usual ones look the same in every chart."""
+    """Return each series' colour, marker and marker width; the usual series look the same in every chart."""
     names = list(dict.fromkeys(row.series for row in rows))
     others = [name for name in names if name not in _KNOWN]
     looks = _KNOWN | {name: _MORE[place % len(_MORE)] for place, name in enumerate(others)}
@@ -100,7 +100,7 @@ _CAPTION, _LETTER = 7.5, 0.6
 
 
 def _finish(figure: Figure, rows: Sequence[ChartRow], what: str, panels: Sequence[Panel]) -> None:
-    """Points, fronts, reference and axes of all panels; title, key and caption; the labels at last."""
+    """Draw the points, fronts, reference and axes of all panels, then title, key and caption, then the labels."""
     looks, points = _looks(rows), panels[0].all_points
     base = reference(points)
     panels[0].axes.set_ylabel(f"held-out Cole error (mean squared log difference, ε = {rows[0].epsilon:g})")
@@ -117,7 +117,7 @@ def _finish(figure: Figure, rows: Sequence[ChartRow], what: str, panels: Sequenc
 
 
 def _frame(figure: Figure, rows: Sequence[ChartRow], what: str, looks: dict[str, Look]) -> None:
-    """Title and key above the panels, caption below them, beside nothing else."""
+    """Write title and key above the panels and the caption below them, without overlap."""
     height = figure.get_figheight()
     handles = [
         Line2D([], [], color=colour, marker=shape, linestyle="", markersize=width, label=in_figure(name))
@@ -145,7 +145,7 @@ def _frame(figure: Figure, rows: Sequence[ChartRow], what: str, looks: dict[str,
 
 
 def _caption(rows: Sequence[ChartRow], width: float) -> list[str]:
-    """What the labels say, and under which conditions the numbers hold, in lines that fit into `width` inches."""
+    """Return the explanation of labels and numbers, in lines that fit into `width` inches."""
     first = rows[0]
     bare = ", or bytes of a model without textures" if any(row.size == 0 for row in rows) else ""
     caption = [f"Labels: number of textures × the side in texels of a square texture of that size{bare}."]

@@ -1,4 +1,4 @@
-"""One pair of axes of a chart: its points with their bars, the Pareto front, the reference, and every point's label."""
+"""Draw one pair of axes of a chart: points with bars and labels, the Pareto front, and the reference."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -22,10 +22,10 @@ _Place = tuple[float, float]
 
 @dataclass(frozen=True)
 class CostAxis:
-    """What a chart has to the right: its words, its value, the ticks between two ends for its values, and its scale.
+    """The x axis of a chart: its title, the cost of a point, its ticks and labels, and its scale.
 
-    Points stand at the mean of their fits' costs, or, with `greatest`, at the greatest, which has to be made room for.
-    A cost that may be 0, as the fetches of a model without textures, needs a linear scale.
+    A point lies at the mean cost of its fits or, with `greatest`, at their greatest cost, e.g. the memory to reserve. A
+    cost that may be 0, such as the fetches of a model without textures, needs a linear scale.
     """
 
     words: str
@@ -36,7 +36,7 @@ class CostAxis:
     label: Callable[[float], str] = plain_number
 
     def at(self, point: ChartPoint) -> float:
-        """Return where a point stands."""
+        """Return the x coordinate of a point."""
         return self.of(point).high if self.greatest else self.of(point).mean
 
     def ends(self, costs: Sequence[Spread]) -> tuple[float, float]:
@@ -76,7 +76,7 @@ FETCHES = CostAxis(
 
 @dataclass(frozen=True)
 class Panel:
-    """One pair of axes with its points and its cost; points that are one and the same are drawn once."""
+    """One pair of axes with its points and its cost axis; identical points are drawn once."""
 
     axes: Axes
     all_points: Sequence[ChartPoint]
@@ -93,11 +93,11 @@ class Panel:
 
     @cached_property
     def places(self) -> list[_Place]:
-        """Their cost and mean error."""
+        """The cost and mean error of every drawn point."""
         return [(self.cost.at(point), point.error.mean) for point in self.points]
 
     def draw(self, looks: dict[str, Look], base: ChartPoint | None, limits: tuple[float, float]) -> list[_Place]:
-        """Axes, points, bars, front and reference line; the corners of the front in data coordinates."""
+        """Draw axes, points, bars, front and reference line; return the front's corners in data coordinates."""
         axes, costs = self.axes, [self.cost.of(point) for point in self.points]
         left, right = self.cost.ends(costs)
         log_y(axes, *limits)
@@ -127,7 +127,7 @@ class Panel:
         return corners
 
     def label(self, figure: Figure, looks: dict[str, Look], base: ChartPoint | None, corners: Sequence[_Place]) -> None:
-        """Every point's label, where it covers nothing."""
+        """Draw every point's label where it overlaps nothing."""
         on = set(front(self.places))
         labels = []
         for i, (point, place) in enumerate(zip(self.points, self.places, strict=True)):
@@ -142,7 +142,7 @@ class Panel:
         label_points(figure, self.axes, labels, paths)
 
     def _bars(self, point: ChartPoint) -> list[tuple[_Place, _Place]]:
-        """The ends of its bars, from the least to the greatest: upwards the error, to the right the cost."""
+        """Return the end points of a point's vertical error bar and horizontal cost bar."""
         cost, error, x = self.cost.of(point), point.error, self.cost.at(point)
         bars = []
         if error.low < error.high:
@@ -153,7 +153,7 @@ class Panel:
 
 
 def share_axis(axes: Axes, base: float, limits: tuple[float, float]) -> None:
-    """The right hand axis: the error as a share of the reference's."""
+    """Draw the right-hand axis: the error as a multiple of the reference's error."""
     right = axes.twinx()
     log_y(right, limits[0] / base, limits[1] / base)
     set_ticks(

@@ -1,16 +1,16 @@
-"""Pictures for people: a source beside its fits on spheres under three lights, their differences, and the numbers.
+"""Draw a source beside its fits on spheres under three lights, with difference images and numbers.
 
 The lights are a point light, a round lamp of the same direction and irradiance, and a sky (`rendering.fixed_lights`).
-The spheres of a light share one exposure, `automatic_exposure` of the source, and the filmic curve.
+All spheres under one light share the exposure, `automatic_exposure` of the source, and the filmic curve.
 
-A difference is signed and relative: (fit − source)/(source + `FLOOR` of white) in luminance (Rec. 709 weights), white
-being the radiance that the exposure takes to 1 before the curve; the floor keeps pixels that are nearly black in the
-picture from dominating it. All differences share one scale of colours, so that the paler of two fits is the better
-one: from −100% to +100%, linear below 2% and logarithmic above (asinh), so that errors of a good fit are still seen.
-Under each difference stands the range that holds 98% of its pixels.
+A difference is signed and relative: (fit − source)/(source + `FLOOR` of white) in luminance (Rec. 709 weights). White
+is the radiance that the exposure maps to 1 before the curve. The floor keeps nearly black pixels from dominating the
+difference image. All differences share one colour scale, so the paler of two fits is the better one. The scale goes
+from −100% to +100%; it is linear below 2% and logarithmic above (asinh), so that small errors of a good fit remain
+visible. The text under each difference states the range that contains 98% of its pixels.
 
-Where the source interpolates samples, pixels that show more than was measured (`figures.measured_range`) are hatched:
-in source and differences over grey, in the fit over its picture. They count in no range.
+If the source interpolates samples, pixels beyond the measurement (`figures.measured_range`) are hatched. The hatching
+covers source and differences on grey, and the fit on its picture. These pixels do not count in the ranges.
 """
 
 import math
@@ -58,11 +58,11 @@ _GAP, _LEAST, _BAR, _PERIOD = 16, 150, 8, 8
 
 
 class LightReport(NamedTuple):
-    """How one row was drawn: light, exposure, curve, and what it shows.
+    """How one row was drawn: light, exposure, curve, and statistics of its pixels.
 
-    `clipped` are the shares of pixels clipped to the gamut, source first; `ranges` the ± that hold 98% of each fit's
-    differences; `beyond` is the share of the lit pixels that show more than was measured, None where the source does
-    not interpolate samples.
+    `clipped` are the shares of pixels clipped to the gamut, source first; `ranges` are the limits ± that contain 98% of
+    each fit's differences; `beyond` is the share of lit pixels beyond the measurement, or None if the source does not
+    interpolate samples.
     """
 
     light: str
@@ -74,7 +74,7 @@ class LightReport(NamedTuple):
 
 
 class FitPanel(NamedTuple):
-    """A fit in the picture: its title, the lines under it, and its error bars where it was judged."""
+    """A fit in the picture: its title, the text lines under it, and its error bars if it has a verdict."""
 
     title: str
     fit: Reflectance
@@ -89,7 +89,7 @@ class _Row(NamedTuple):
 
 
 def relative_difference(fit: SphereImage, source: SphereImage, exposure: float) -> Tensor:
-    """Signed relative luminance difference (H, W), as in the module's head; NaN where both are black in the picture."""
+    """Return the signed relative luminance difference (H, W) of the module's docstring; NaN where both are black."""
     ours, theirs = _luminance(fit.radiance), _luminance(source.radiance)
     difference = (ours - theirs) / (theirs + FLOOR / exposure)
     black = (source.coverage == 0) | (torch.maximum(ours, theirs) * exposure < _BLACK)
@@ -106,8 +106,9 @@ def compare_picture(
 ) -> tuple[LightReport, ...]:
     """Draw `source` (title, reflectance) and `fits` into a PNG at `path`.
 
-    `size` are the pixels of a sphere's side; `to_rgb` is `render_sphere`'s. Returns a report for each of `LIGHTS`.
-    Raises BadInput for no fits, what `render_sphere` refuses, and a place that cannot be written.
+    `size` is the side of each sphere picture in pixels; `to_rgb` is that of `render_sphere`. Returns a report for each
+    of `LIGHTS`. Raises BadInput for no fits, for input that `render_sphere` rejects, and for a path that cannot be
+    written.
     """
     if not fits:
         raise BadInput(where="comparison picture", found="no fits", expected="at least one")
@@ -174,7 +175,7 @@ def compare_picture(
 
 
 def _rows(reflectances: Sequence[Reflectance], size: int, to_rgb: ToRgb | None) -> list[_Row]:
-    """What is drawn under each light, source first."""
+    """Return the pictures of source and fits under each light, source first."""
     surroundings = [Surroundings.of(light, size, fineness=DRAFT) for light in (lamp_map(), sky_map())]
 
     def lit(reflectance: Reflectance) -> list[SphereImage]:
@@ -191,7 +192,7 @@ def _rows(reflectances: Sequence[Reflectance], size: int, to_rgb: ToRgb | None) 
 
 
 def _row(light: str, images: list[SphereImage], marks: tuple[Tensor, Tensor] | None) -> _Row:
-    """Pictures and differences under one light, as they are shown."""
+    """Return the displayed pictures and differences under one light."""
     beyond, wide = (None, None) if marks is None else (each.numpy() for each in marks)
     exposure = automatic_exposure(images[0])
     toned = [tonemap(image, exposure, curve=DEFAULT_CURVE) for image in images]
@@ -215,7 +216,7 @@ def _row(light: str, images: list[SphereImage], marks: tuple[Tensor, Tensor] | N
 
 
 def _words(report: LightReport) -> str:
-    """The line above a row."""
+    """Return the line of text above a row."""
     # Of red, green and blue: one figure says whether white is the material's or the curve's.
     clipped = f", up to {max(report.clipped):.1%} clipped to white" if max(report.clipped) >= 0.0005 else ""
     known = "" if report.beyond is None else f", {report.beyond:.0%} of the pixels beyond the measurement"
@@ -249,7 +250,7 @@ def _coloured(difference: np.ndarray) -> np.ndarray:
 
 
 def _hatched(pixels: np.ndarray, where: np.ndarray) -> np.ndarray:
-    """(H, W, 3) in [0, 1] with light lines of 45° where (H, W) says."""
+    """Return pixels (H, W, 3) in [0, 1] with light lines at 45° where the mask (H, W) is True."""
     y, x = np.indices(where.shape)
     lines = where & ((x + y) % _PERIOD < 2)
     return np.where(lines[..., None], _HATCH, pixels)

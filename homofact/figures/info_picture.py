@@ -1,9 +1,10 @@
-"""One look at a BRDF: the θh–θd slice, polar lobes and a lit sphere, side by side.
+"""Draw an overview of a BRDF: the θh–θd slice, polar lobes and a lit sphere, side by side.
 
-Slice: luminance of f in sr⁻¹, log₁₀ scale, over θh and θd at φd = 90° (ωi leaves the plane of n and h), where
-both directions stay above the horizon everywhere; the places of a measurement's samples are dots, whatever their
-φd. Lobes: ∛f at every angle of the viewer in the plane of incidence, the mirrored side to the right; the cube
-root keeps highlight and base in one picture. Sphere: as in the comparison pictures.
+The slice shows the luminance of f in sr⁻¹ on a log₁₀ scale over θh and θd. It lies at φd = 90°, where ωi − ωo is
+perpendicular to the plane of n and h, because both directions stay above the horizon there. Dots mark the (θh, θd) of a
+measurement's samples at any φd. The lobes show ∛f by viewing angle in the plane of incidence, with the mirror direction
+on the right; the cube root makes highlight and base visible in one plot. The sphere is drawn as in the comparison
+pictures.
 """
 
 import math
@@ -41,7 +42,7 @@ _DECADES = 5.0
 
 
 def slice_values(reflectance: Reflectance, to_rgb: Callable[[Tensor], Tensor] | None = None) -> Tensor:
-    """Luminance (90, 90) of f in sr⁻¹: row θd, column θh, at the middle of every degree."""
+    """Return the luminance (90, 90) of f in sr⁻¹: rows are θd, columns θh, at the middle of each degree."""
     middle = (torch.arange(_SIDE, dtype=torch.float64) + 0.5) * (math.pi / 2 / _SIDE)
     theta_d, theta_h = (x.reshape(-1) for x in torch.meshgrid(middle, middle, indexing="ij"))
     h = from_spherical(theta_h, 0 * theta_h)
@@ -68,10 +69,10 @@ def info_picture(
     measured: Samples | None = None,
     to_rgb: Callable[[Tensor], Tensor] | None = None,
 ) -> PictureReport:
-    """Draw a PNG of `reflectance` under the title `name`; dots where `measured` has its samples.
+    """Draw a PNG of `reflectance` with the title `name`, and dots at the samples of `measured`.
 
-    `to_rgb` is `render_sphere`'s, for spectra. Raises BadInput for what `render_sphere` refuses and a place that
-    cannot be written.
+    `to_rgb` converts spectra to RGB as in `render_sphere`. Raises BadInput for input that `render_sphere` rejects and
+    for a path that cannot be written.
     """
     image = render_sphere(reflectance, size=_PIXELS, to_rgb=to_rgb)
     exposure = automatic_exposure(image)
@@ -101,7 +102,7 @@ def info_picture(
 
 
 def _draw_slice(figure: Figure, axes: Axes, values: np.ndarray, measured: Samples | None) -> None:
-    """The slice with its colour bar and the samples' places."""
+    """Draw the slice with its colour bar and dots at the samples."""
     known = values[values > 0]
     top = float(known.max()) if known.size else 1.0
     bottom = max(float(known.min()), top * 10**-_DECADES) if known.size else 0.1
@@ -126,7 +127,7 @@ def _draw_slice(figure: Figure, axes: Axes, values: np.ndarray, measured: Sample
 
 
 def _draw_lobes(axes: PolarAxes, reflectance: Reflectance, to_rgb: Callable[[Tensor], Tensor] | None) -> None:
-    """Cube roots of f in the plane of incidence, a curve and a dashed ray for each light."""
+    """Draw the cube root of f in the plane of incidence: a curve and a dashed ray for each light."""
     longest = 0.0
     lobes = [(degrees, *lobe_values(reflectance, degrees, to_rgb)) for degrees in LOBE_DEGREES]
     for (degrees, theta, values), colour in zip(lobes, _COLOURS, strict=True):
@@ -146,7 +147,7 @@ def _draw_lobes(axes: PolarAxes, reflectance: Reflectance, to_rgb: Callable[[Ten
 
 
 def _round_steps(most: float) -> list[float]:
-    """Two to four multiples of 5, 1 or 2 times a power of ten, from the first above 0 up to `most`."""
+    """Return two to four multiples of a step of 1, 2 or 5 times a power of ten, from the step up to `most`."""
     power = 10.0 ** math.floor(math.log10(most))
     step = next(size for size in (power / 2, power, 2 * power) if most / size < 5)
     return [step * k for k in range(1, math.floor(most / step * (1 + 1e-9)) + 1)]

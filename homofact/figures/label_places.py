@@ -1,8 +1,9 @@
-"""Where labels go beside crowded points: near their own, on nothing else.
+"""Place labels beside crowded points: near their own point, without covering anything else.
 
-Each label tries a ring of places round its point, and nearer rings first. The cost of a place is what
-the label would cover (other labels, points, lines, the edge) and how far it is; labels are put down one
-after the other and then moved again in turn until none gains. Deterministic, for some tens of labels.
+Each label has candidate positions on several rings round its point. The cost of a position increases with its distance
+from the point and with what the label would cover: other labels, points, lines, or the edge. Each label starts at the
+position of least cost without other labels. The labels then move in turn until no move lowers the cost, at most 12
+times. The result is deterministic; the method suits some tens of labels.
 """
 
 import math
@@ -19,7 +20,7 @@ LEADER = 10.0  # beyond this distance a line should lead from the point to its l
 
 @dataclass(frozen=True)
 class Place:
-    """A label's box (x0, y0, x1, y1), and whether it is so far from its point that a line should lead there."""
+    """A label's box (x0, y0, x1, y1), and `leader`: whether it is far enough from its point to need a leader line."""
 
     box: tuple[float, float, float, float]
     leader: bool
@@ -36,8 +37,8 @@ def place_labels(
 ) -> list[Place]:
     """Return a place for every label of `sizes` (width, height) beside its point, all in one unit (1/72 inch).
 
-    `points` and `others` are discs to be left free, of one `radius` or of one each. `lines` are places along lines to
-    be left free where that is possible, `bounds` (x0, y0, x1, y1) is what the labels should stay within.
+    Labels avoid the discs at `points` and `others`, which have one common `radius` or one radius each. Where possible,
+    they also avoid the points `lines` along lines, and stay within `bounds` (x0, y0, x1, y1).
     """
     if not points:
         return []
@@ -74,7 +75,7 @@ def place_labels(
 
 
 def _trials(point: tuple[float, float], size: tuple[float, float], radius: float) -> tuple[np.ndarray, np.ndarray]:
-    """Boxes (T, 4) round a point whose nearest edge is at the ring's distance, and their rings (T,)."""
+    """Return boxes (T, 4) whose nearest edge is at a ring's distance from a point, and their rings (T,)."""
     boxes, rings = [], []
     for ring in _RINGS:
         for k in range(_ANGLES):
@@ -103,7 +104,7 @@ def _cost_alone(
     bounds: tuple[float, float, float, float],
     radii: np.ndarray,
 ) -> np.ndarray:
-    """What each place costs whatever the other labels do: (T,)."""
+    """Return the cost (T,) of each position without other labels."""
     x0, y0, x1, y1 = bounds
     outside = (
         np.clip(x0 - boxes[:, 0], 0, None)
@@ -135,7 +136,7 @@ def _cost_alone(
 
 
 def struck_labels(placed: Sequence[Place], discs: Sequence[tuple[float, float]], radii: Sequence[float]) -> list[int]:
-    """Return how many other labels, and discs other than its own, each label covers; the first discs are its own.
+    """Count the other labels and discs that each label covers; disc k is label k's own and does not count.
 
     Examples
     --------
@@ -151,18 +152,18 @@ def struck_labels(placed: Sequence[Place], discs: Sequence[tuple[float, float]],
 
 
 def nearest_edge(point: tuple[float, float], box: Sequence[float]) -> tuple[float, float]:
-    """Return the place on a box that is nearest to a point."""
+    """Return the point of a box that is nearest to a given point."""
     return min(max(point[0], box[0]), box[2]), min(max(point[1], box[1]), box[3])
 
 
 def _leader(point: tuple[float, float], box: np.ndarray) -> np.ndarray:
-    """Places (9, 2) along the line from a point to its label."""
+    """Return nine points (9, 2) along the line from a point to its label."""
     end = np.array(nearest_edge(point, [float(value) for value in box]))
     return np.array(point) + np.linspace(0.1, 0.9, 9)[:, None] * (end - np.array(point))
 
 
 def _gap(boxes: np.ndarray, places: np.ndarray) -> np.ndarray:
-    """How far each place (P, 2) is from each box, 0 in it: (T, P)."""
+    """Return the distance (T, P) of each point (P, 2) from each box; 0 inside the box."""
     x, y = places[None, :, 0], places[None, :, 1]
     gap_x = np.maximum(np.maximum(boxes[:, None, 0] - x, x - boxes[:, None, 2]), 0)
     gap_y = np.maximum(np.maximum(boxes[:, None, 1] - y, y - boxes[:, None, 3]), 0)
@@ -170,12 +171,12 @@ def _gap(boxes: np.ndarray, places: np.ndarray) -> np.ndarray:
 
 
 def _inside(boxes: np.ndarray, places: np.ndarray, margin: float | np.ndarray = 0.0) -> np.ndarray:
-    """Whether each place (P, 2) is within `margin`, one or (P,), of each box: (T, P)."""
+    """Return whether (T, P) each point (P, 2) is within `margin`, a number or (P,), of each box."""
     return _gap(boxes, places) <= margin
 
 
 def _overlap(boxes: np.ndarray, rest: np.ndarray) -> np.ndarray:
-    """Shared area of each box (T, 4) with each of the rest (R, 4), a gap kept between words: (T, R)."""
+    """Return the shared area (T, R) of each box (T, 4) with each other one (R, 4), with a gap between words."""
     width = np.minimum(boxes[:, None, 2], rest[None, :, 2]) - np.maximum(boxes[:, None, 0], rest[None, :, 0]) + 4
     height = np.minimum(boxes[:, None, 3], rest[None, :, 3]) - np.maximum(boxes[:, None, 1], rest[None, :, 1]) + 1
     return np.clip(width, 0, None) * np.clip(height, 0, None)

@@ -1,4 +1,4 @@
-"""Logarithmic axes that a person can read: a few round ticks, each with its number, none between them."""
+"""Draw readable logarithmic axes: a few round ticks, each with its number, and no minor ticks."""
 
 import math
 from collections.abc import Callable
@@ -12,9 +12,10 @@ _DIGITS = ((1.0,), (1.0, 3.0), (1.0, 2.0, 5.0), (1.0, 1.5, 2.0, 3.0, 5.0, 7.0))
 
 
 def round_ticks(low: float, high: float, fewest: int = 3, most: int = 7) -> list[float]:
-    """Round numbers from `low` to `high`, both above 0: `most` at most, and `fewest` at least where the digits allow.
+    """Return at most `most` round numbers in [`low`, `high`], `low` > 0, and if possible at least `fewest`.
 
-    The ticks are 1, 1–3, 1–2–5 or denser in every decade; over many decades only every second, third … one.
+    The ticks of a decade are 1; 1 and 3; 1, 2 and 5; or denser. A range of many decades has a tick only at every
+    second, third, … decade.
     """
     first, last = math.floor(math.log10(low)), math.ceil(math.log10(high))
     ticks: list[float] = []
@@ -36,7 +37,7 @@ def round_ticks(low: float, high: float, fewest: int = 3, most: int = 7) -> list
 
 
 def plain_number(value: float) -> str:
-    """Return the number of a tick, at least 0, as people write it: 0, 0.02, 500, and powers of ten beyond that."""
+    """Return a tick's label for a number of at least 0: 0, 0.02, 500, or a power of ten outside 1e-4 to 1e6."""
     if value == 0 or 1e-4 <= value < 1e6:
         return f"{value:.10f}".rstrip("0").rstrip(".")
     exponent = math.floor(math.log10(value) + 1e-9)
@@ -52,14 +53,14 @@ def set_ticks(axis: Axis, ticks: list[float], words: Callable[[float], str] = pl
 
 
 def log_x(axes: Axes, low: float, high: float, fewest: int = 3, most: int = 7) -> None:
-    """A logarithmic x axis from `low` to `high` with round ticks."""
+    """Set up a logarithmic x axis from `low` to `high` with round ticks."""
     axes.set_xscale("log")
     axes.set_xlim(low, high)
     set_ticks(axes.xaxis, round_ticks(low, high, fewest, most))
 
 
 def log_y(axes: Axes, low: float, high: float, fewest: int = 5, most: int = 9) -> None:
-    """A logarithmic y axis from `low` to `high` with round ticks."""
+    """Set up a logarithmic y axis from `low` to `high` with round ticks."""
     axes.set_yscale("log")
     axes.set_ylim(low, high)
     set_ticks(axes.yaxis, round_ticks(low, high, fewest, most))

@@ -1,4 +1,4 @@
-"""A sheet of materials: a sphere of each under the fixed sky, its name below."""
+"""Draw a sheet of materials: one sphere per material under the fixed sky, with its name below."""
 
 import os
 from collections.abc import Sequence
@@ -15,9 +15,9 @@ _SIZE, _GAP, _COLUMNS = 176, 14, 5
 
 
 def material_sheet(path: str | os.PathLike[str], materials: Sequence[tuple[str, Reflectance]]) -> None:
-    """Draw the spheres of (name, reflectance) with one or three channels as a PNG, each at its own exposure.
+    """Draw a PNG with a sphere of each (name, reflectance), one or three channels, each at its own exposure.
 
-    Raises BadInput for what `FilteredMaterial` refuses and for a place that cannot be written.
+    Raises BadInput for materials that `FilteredMaterial` rejects and for a path that cannot be written.
     """
     columns = min(_COLUMNS, max(len(materials), 1))
     page = PicturePage(columns * (_SIZE + _GAP) + _GAP, _GAP)

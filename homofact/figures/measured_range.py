@@ -1,10 +1,11 @@
-"""Which pixels of a picture show more than was measured.
+"""Find the pixels of a picture that lie beyond the measurement.
 
-A source that interpolates scattered samples is drawn everywhere, though a goniometer does not reach everywhere
-(`brdf.quality.extrapolation`). A pixel is marked where more than half of the light that falls on it comes from
-directions that were not measured together with the view; under a point light that is all of it or nothing. Hatched is
-what is as wide as `NARROWEST` of the picture, with what is as near to it: hatching of a thin mark, beside the shadow,
-at the rim or at the mirror direction between two angles of the light, looks like a defect of the material.
+A source that interpolates scattered samples has values everywhere, but a goniometer does not reach every pair of
+directions (`brdf.quality.extrapolation`). A pixel is marked if more than half of its incident light comes from
+directions that were not measured with its view. Under a point light the share is 0 or 1. Only marked areas at least
+`NARROWEST` of the picture wide are hatched, together with marked pixels within the same distance of them. Thinner marks
+at the shadow, at the rim, or at the mirror direction between two measured angles of incidence are not hatched, because
+hatching there looks like a defect of the material.
 """
 
 import math
@@ -30,7 +31,7 @@ _THINNEST = 3  # pixels, also of marks that are wider elsewhere
 
 
 class _Part:
-    """1 where a pair of directions was measured, else 0; 1 everywhere without samples."""
+    """A reflectance that is 1 where a pair of directions was measured and 0 elsewhere; without samples, always 1."""
 
     channels = ("Y",)
     nbytes, fetches = 0, 0
@@ -39,7 +40,7 @@ class _Part:
         self._extrapolation = None if samples is None else Extrapolation(samples)
 
     def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
-        """1 or 0 (N, 1) for pairs of directions (N, 3); 0 below the horizon."""
+        """Return 1 or 0 (N, 1) for pairs of directions (N, 3); 0 below the horizon."""
         above = (wi[:, 2] >= 0) & (wo[:, 2] >= 0)
         if self._extrapolation is not None:
             above &= self._extrapolation.measured(wi, wo)
@@ -49,7 +50,7 @@ class _Part:
 def beyond_the_measurement(
     source: Reflectance, lights: Sequence[DirectionalLight | Surroundings], size: int
 ) -> list[tuple[Tensor, Tensor]] | None:
-    """For each light which pixels are marked and which of these hatched (size, size); None without samples."""
+    """Return for each light the marked and the hatched pixels (size, size); None without samples."""
     samples = interpolated_samples(source)
     if samples is None:
         return None

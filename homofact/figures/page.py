@@ -1,4 +1,4 @@
-"""A page of pictures laid out in whole pixels, so that nothing is resampled, and of text that is broken to fit."""
+"""Lay out a page of pictures in whole pixels, without resampling, and of wrapped text."""
 
 from pathlib import Path
 from typing import Any
@@ -16,10 +16,10 @@ _MARKS = "_-./"  # where names have their parts
 
 
 class PicturePage:
-    """Pictures and lines of text at places in pixels from the top left; as high as what was put on it."""
+    """A page of pictures and text at pixel positions from the top left; its height follows from its content."""
 
     def __init__(self, width: int, margin: int) -> None:
-        """An empty white page, `width` pixels wide, with a `margin` below whatever is lowest."""
+        """Create an empty white page `width` pixels wide, with `margin` pixels below its lowest content."""
         self.width, self.height, self._margin = width, 0, margin
         self._pictures: list[tuple[np.ndarray, int, int]] = []
         self._texts: list[tuple[str, int, float, bool]] = []
@@ -28,14 +28,14 @@ class PicturePage:
         self._widths: dict[tuple[str, bool], float] = {}
 
     def picture(self, pixels: np.ndarray, left: int, top: int) -> int:
-        """Put (H, W, 3) of uint8, or of floats in [0, 1], there; returns where it ends below."""
+        """Place a picture (H, W, 3), uint8 or floats in [0, 1], at (left, top); return its bottom in pixels."""
         if pixels.dtype != np.uint8:
             pixels = (pixels * 255).round().astype(np.uint8)
         self._pictures.append((pixels, left, top))
         return self._reach(top + len(pixels))
 
     def text(self, text: str, left: int, top: int, width: int, bold: bool = False) -> int:
-        """Write a paragraph into `width` pixels, broken at spaces; returns where it ends below."""
+        """Write a paragraph wrapped at `width` pixels; return its bottom in pixels."""
         lines = self.wrapped(text, width, bold)
         for number, line in enumerate(lines):
             self._texts.append((line, left, top + (number + 0.5) * LINE, bold))
@@ -44,7 +44,8 @@ class PicturePage:
     def wrapped(self, text: str, width: int, bold: bool = False) -> list[str]:
         """Return `text` broken at spaces into lines that fit `width` pixels.
 
-        A longer word, as a file's name, is broken behind the last of its marks that fits, else anywhere.
+        A longer word, such as a file name, breaks after its last mark (`_-./`) that fits, or anywhere if that mark
+        comes too early.
         """
         lines, line = [], ""
         for word in on_one_line(text).split():
@@ -83,7 +84,7 @@ class PicturePage:
         return bottom
 
     def extent(self, text: str, bold: bool = False) -> float:
-        """Return how many pixels wide a text is in one line."""
+        """Return the width in pixels of a text on one line."""
         if (text, bold) not in self._widths:
             drawn = self._figure.text(0, 0, text, **_font(bold))
             self._widths[text, bold] = drawn.get_window_extent(self._canvas.get_renderer()).width

@@ -1,4 +1,4 @@
-"""The picture of a comparison: every metric of every method, training beside held out, with the spread of its fits."""
+"""Plot a comparison: every metric of every method, training beside held-out, with the spread over fits."""
 
 import math
 import os
@@ -28,13 +28,13 @@ _BESIDE: dict[str, Any] = {"xycoords": ("axes fraction", "data"), "va": "center"
 
 
 def plot_rows(path: str | os.PathLike[str], rows: Mapping[str, ComparisonRow | RepeatedRows]) -> None:
-    """Draw the six metrics of `rows`, by the labels of their methods, as dots on logarithmic axes.
+    """Draw the six metrics of `rows`, a mapping from method labels, as dots on logarithmic axes.
 
-    `path` is a PNG, SVG or PDF by its ending.
+    The extension of `path` chooses PNG, SVG or PDF.
 
-    Each line of the panel is a method: a ring for the training samples joined to a dot for the held-out ones, with the
-    numbers at the right. For several seeds or splits they are means, each with a line from the least to the greatest
-    value. An error of 0 is shown only as a number.
+    Each line of a panel is a method: a ring for the training error joined to a dot for the held-out error, with both
+    numbers at the right. For several seeds or splits, rings, dots and numbers are means, and separate lines go from the
+    least to the greatest value. An error of 0 is shown only as a number.
 
     Raises BadInput if the file cannot be written.
     """
@@ -63,7 +63,7 @@ def plot_rows(path: str | os.PathLike[str], rows: Mapping[str, ComparisonRow | R
 
 
 def _dots(axis: Axes, spreads: Sequence[tuple[Spread, Spread]]) -> None:
-    """One panel: a line for each (training, held out) pair, and its two numbers in columns beside the panel."""
+    """Draw one panel: a line for each (training, held-out) pair, and both numbers in columns beside the panel."""
     ends = [end for pair in spreads for part in pair for end in (part.low, part.mean, part.high) if 0 < end < math.inf]
     low, high = (min(ends), max(ends)) if ends else (0.1, 1.0)
     room = max(high / low, 10.0) ** 0.06

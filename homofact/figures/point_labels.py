@@ -1,4 +1,4 @@
-"""Labels beside the points of a chart, each where it covers nothing (`label_places`), with a line where it is far."""
+"""Label the points of a chart without overlaps (`label_places`), with leader lines for distant labels."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ Place = tuple[float, float]
 class PointLabel:
     """The `words` at the point `at`, in data coordinates, in a colour; the point's marker has a `radius` in points.
 
-    An `optional` label is left out where it would cover something.
+    An `optional` label is omitted if it would cover something.
     """
 
     words: str
@@ -37,11 +37,11 @@ def label_points(
     markers: Sequence[tuple[Place, float]] = (),
     fontsize: float = 7.5,
 ) -> None:
-    """Write `labels` into `axes`, off each other's points, off `markers` and, where possible, `paths`.
+    """Write `labels` into `axes` without covering points, `markers` or, where possible, `paths`.
 
     `paths` are corners of lines in data coordinates, `markers` are points without a label (place, radius in points).
-    The figure's layout has to be final. All places are worked out in 1/72 inch, so that they are the same whatever the
-    picture's pixels.
+    The figure's layout has to be final. Positions are computed in 1/72 inch, so they do not depend on the resolution of
+    the picture.
     """
     scale = 72 / figure.dpi
     renderer = FigureCanvasAgg(figure).get_renderer()
@@ -99,7 +99,7 @@ def label_points(
 
 
 def _along(corners: Sequence[Place], step: float = 3.0) -> list[Place]:
-    """Places every `step` along the line through `corners`."""
+    """Return points at intervals of about `step` along the line through `corners`."""
     places = []
     for (x0, y0), (x1, y1) in pairwise(corners):
         count = round((abs(x1 - x0) + abs(y1 - y0)) / step) + 1

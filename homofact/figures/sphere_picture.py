@@ -17,7 +17,7 @@ from homofact.rendering.tonemap import DEFAULT_CURVE, automatic_exposure, tonema
 
 
 class PictureReport(NamedTuple):
-    """What a picture was drawn with: exposure, the share of clipped pixels, the curve."""
+    """The rendering settings of a picture: its exposure, the share of clipped pixels, and its tone curve."""
 
     exposure: float
     clipped: float
@@ -26,14 +26,14 @@ class PictureReport(NamedTuple):
 
 @dataclass(frozen=True)
 class SpherePicture:
-    """A drawn sphere: pixels (n, n, 3) of 8 bits, what they were drawn with, and the caption that states it."""
+    """A rendered sphere: pixels (n, n, 3) uint8, a report of its rendering, and a caption with these figures."""
 
     pixels: np.ndarray
     report: PictureReport
     caption: str
 
     def write(self, path: str | os.PathLike[str]) -> None:
-        """Write a PNG with the caption in its text chunk `Description`. Raises BadInput for an unwritable place."""
+        """Write a PNG with the caption in its text chunk `Description`. Raises BadInput for an unwritable path."""
         text = PngImagePlugin.PngInfo()
         text.add_text("Description", self.caption)
         picture = Image.fromarray(self.pixels)
@@ -51,10 +51,10 @@ def drawn_sphere(
     view: tuple[float, float, float] = (0.0, 0.0, 1.0),
     to_rgb: ToRgb | None = None,
 ) -> SpherePicture:
-    """Return one lit sphere.
+    """Render a sphere under the lights and tone-map it.
 
-    `exposure` is a factor, else `automatic_exposure`; `stops` are powers of two on top of it. Raises BadInput for
-    what `draw_sphere` and `tonemap` refuse.
+    `exposure` is a factor; by default it is `automatic_exposure`. `stops` multiplies it by 2**stops. Raises BadInput
+    for input that `draw_sphere` and `tonemap` reject.
     """
     image = draw_sphere(reflectance, light, size, view=view, to_rgb=to_rgb)
     factor = (automatic_exposure(image) if exposure is None else exposure) * 2**stops
@@ -64,7 +64,7 @@ def drawn_sphere(
 
 
 def caption(light: Light | Sequence[Light], report: PictureReport) -> str:
-    """Return the line that states light, exposure, white point and the share of clipped pixels."""
+    """Return a caption with light, exposure, white point, curve, and the share of clipped pixels."""
     lights = [light] if isinstance(light, DirectionalLight | EnvironmentMap) else light
     return (
         f"Light: {'; '.join(light.describe() for light in lights)}. Exposure {report.exposure:.4g}, linear sRGB, white"
@@ -73,5 +73,5 @@ def caption(light: Light | Sequence[Light], report: PictureReport) -> str:
 
 
 def curve_in_words(curve: str) -> str:
-    """Return a curve of `rendering.tonemap` as it is written in a sentence."""
+    """Return the name of a curve of `rendering.tonemap` as it is written in a sentence."""
     return curve.replace("srgb", "sRGB")

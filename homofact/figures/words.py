@@ -1,12 +1,12 @@
-"""Words from elsewhere in a figure: shown as they stand, none of them markup or a character that cannot be drawn."""
+"""Show external text, such as file names, literally in a figure: without markup or undrawable characters."""
 
 from homofact.files.words import harmless
 
 
 def in_figure(text: str) -> str:
-    r"""Return a text for Matplotlib that shows it: `harmless`, line ends kept, and no part of it taken for mathematics.
+    r"""Return a text for Matplotlib to show literally: `harmless`, with its line breaks, and without mathematics.
 
-    A name of a file that is not UTF-8 holds lone surrogates, which no font draws; between two `$` Matplotlib would
-    read a formula, and refuse what is none.
+    A file name that is not UTF-8 contains lone surrogates, which no font can draw. Matplotlib parses text between two
+    `$` as a formula, and fails if it is not a valid one.
     """
     return harmless(text, keep="\n").replace("$", r"\$")

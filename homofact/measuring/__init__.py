@@ -1,1 +1,1 @@
-"""Where to measure next: a prior of materials, what samples tell, and the directions that lower the error most."""
+"""Choose the directions to measure next, from a prior over materials and the samples so far."""

@@ -1,13 +1,14 @@
-"""What measuring is for: pictures of a sphere, the albedo and the highlight, as integrals of a material's values.
+"""Define the quantities to measure for: pictures of a sphere, albedo and highlight, as integrals of f.
 
-* pictures: a sphere of `PIXELS`² pixels under lamps at `LAMPS` degrees from the viewer, and `PLACES` of its normals
-  under the sky of `rendering.fixed_lights`. Errors are counted in displayed values: a lamp's picture exposed by its
-  99th percentile under sRGB's curve, the sky's by its median under the filmic one, as in `evaluation.appearance`.
+* pictures: a sphere of `PIXELS`² pixels under lamps at `LAMPS` degrees from the viewer, and `PLACES` normals of a
+  sphere under the sky of `rendering.fixed_lights`. Errors are differences of displayed values, as in
+  `evaluation.appearance`. The 99th percentile sets the exposure of a lamp's picture, which uses the sRGB curve. The
+  median sets the exposure of the sky's picture, which uses the filmic curve.
 * albedo: the light reflected at the incidences of `DEGREES`.
-* highlight: the part of it with a half vector within `HIGHLIGHT` degrees of the normal.
+* highlight: the part of the albedo whose half vectors lie within `HIGHLIGHT` degrees of the normal.
 
-The displayed or relative error of each is linear in small errors δ of the logarithms L, e = J δ. What uncertainty Σ
-of L does to it is tr(W Σ) with W = mean of Jᵀ J over what the material may be like.
+The displayed or relative error of each quantity is linear in small errors δ of the logarithms L: e = J δ. If L has the
+covariance Σ, the expected squared error is tr(W Σ), where W is the mean of Jᵀ J over probable materials.
 """
 
 import math
@@ -48,7 +49,7 @@ _DARK = 3e-3
 
 @dataclass(frozen=True)
 class Aim:
-    """Integrals of values at the pairs `part` of `MeasuringAims`: `sums` (Q, pairs) takes values to them.
+    """Q integrals of the values at the pairs `part` of `MeasuringAims`; the matrix `sums` (Q, pairs) computes them.
 
     `kind` is "lamp", "sky", "albedo" or "highlight".
     """
@@ -58,7 +59,7 @@ class Aim:
     sums: "csr_matrix"
 
     def exposure(self, light: np.ndarray) -> float:
-        """Return the factor before the curve of a picture whose radiance is `light` (Q,)."""
+        """Return the exposure, the factor before the tone curve, of a picture with the radiance `light` (Q,)."""
         if self.kind == "lamp":
             return TARGET / max(float(np.percentile(light, PERCENTILE)), 1e-12)
         return MIDDLE / max(float(np.median(light)), 1e-12)
@@ -68,7 +69,7 @@ class Aim:
         return _srgb(light * exposure if self.kind == "lamp" else _filmic(light * exposure))
 
     def slope(self, light: np.ndarray) -> np.ndarray:
-        """Return how much the error of `light` (Q,) counts: the slope of its display, or 1/light."""
+        """Return the derivative of the error by `light` (Q,): the slope of the tone curve, or 1/light."""
         if self.kind in ("albedo", "highlight"):
             return 1 / np.maximum(light, 1e-12)
         exposure, step = self.exposure(light), 1e-4
@@ -79,7 +80,7 @@ class Aim:
 
 @dataclass(frozen=True)
 class MeasuringAims:
-    """The pairs of directions of all aims, (P, 3) each, and what is integrated over them; `matrix` reads them."""
+    """The pairs of directions (P, 3) of all aims and their integrals; `matrix` (P, n) interpolates nodes to pairs."""
 
     matrix: "csr_matrix"
     wi: "Tensor"
@@ -94,7 +95,7 @@ class MeasuringAims:
         return found
 
     def weights(self, posterior: BrdfPosterior) -> np.ndarray:
-        """W (n, n) of all aims, each over the variance that it has now: tr(W Σ) is 1 + the weights of the others."""
+        """Return W (n, n), each kind divided by its variance: tr(W Σ) = 1 + ALBEDO_WEIGHT + HIGHLIGHT_WEIGHT."""
         order = np.argsort(-posterior.shares, kind="stable")[:_GUESSES]
         guesses = [posterior.mean, *posterior.centres[order]]
         parts = np.array([1.0, *posterior.shares[order]])
@@ -112,7 +113,7 @@ class MeasuringAims:
         )
 
     def slopes(self, logs: np.ndarray, *, of_light: bool = False) -> list[tuple[Aim, "csr_matrix"]]:
-        """J (Q, n) of each aim at L (n,); `of_light` of its light before any curve."""
+        """Return J (Q, n) of each aim at L (n,); `of_light`: of its radiance before the tone curve."""
         from scipy.sparse import csr_matrix, diags
 
         level = np.exp(self.matrix @ logs)

@@ -1,8 +1,8 @@
-"""Choose measurements one by one, each the one after which the aims are expected to be least uncertain.
+"""Choose measurements one by one. Each choice lowers the expected error of the aims most.
 
-Of Gaussian variables with covariance Σ, a measurement b (a row of B, noise N) takes (wᵀ W w)/(bᵀ Σ b + N) off tr(W Σ),
-w = Σ b: the choice minimises the trace (V-optimal design), whatever value will be measured. The ratios of the channels
-are measured with it, and count in the same way.
+For Gaussian variables with covariance Σ, a measurement b (a row of B, noise variance N) lowers tr(W Σ) by (wᵀ W w)/(bᵀ
+Σ b + N), where w = Σ b. The choice minimises this trace (V-optimal design) and does not depend on the measured values.
+The same measurement gives the ratios of the channels, and their trace counts equally.
 """
 
 from collections.abc import Sequence
@@ -19,25 +19,25 @@ if TYPE_CHECKING:
 
 @dataclass
 class Uncertainty:
-    """A covariance Σ (n, n), what it costs by W (n, n), and the variance of a measurement's noise."""
+    """A covariance Σ (n, n), the weights W (n, n) of its cost tr(W Σ), and the noise variance of a measurement."""
 
     covariance: np.ndarray
     weights: np.ndarray
     noise: float
 
     def after(self, matrix: "csr_matrix") -> "Uncertainty":
-        """Return the same once the rows of a matrix (N, n) are measured."""
+        """Return the uncertainty after measuring the rows of a matrix (N, n)."""
         taken = self.taken(matrix)
         return Uncertainty(self.covariance - taken.T @ taken, self.weights, self.noise)
 
     def taken(self, matrix: "csr_matrix") -> np.ndarray:
-        """G (N, n): measuring the rows of a matrix takes Gᵀ G off the covariance."""
+        """Return G (N, n): measuring the rows of a matrix lowers the covariance by Gᵀ G."""
         across = np.asarray(matrix @ self.covariance)
         root = np.linalg.cholesky(np.asarray(matrix @ across.T) + self.noise * np.eye(across.shape[0]))
         return under(root, across)
 
     def gain(self, matrix: "csr_matrix") -> float:
-        """Return what measuring the rows of a matrix takes off tr(W Σ)."""
+        """Return by how much measuring the rows of a matrix lowers tr(W Σ)."""
         taken = self.taken(matrix)
         return float(((taken @ self.weights) * taken).sum())
 
@@ -53,7 +53,7 @@ def uncertainties(posterior: BrdfPosterior, weights: np.ndarray) -> list[Uncerta
 
 
 def chosen_rows(blocks: Sequence[Uncertainty], matrix: "csr_matrix", count: int) -> list[int]:
-    """Return `count` rows of a matrix (N, n) of candidates, in the order in which they were chosen."""
+    """Return the indices of `count` chosen rows of a matrix (N, n) of candidates, in the order of choice."""
     states = []
     for block in blocks:
         across = np.asarray(matrix @ block.covariance)
@@ -78,7 +78,7 @@ def chosen_rows(blocks: Sequence[Uncertainty], matrix: "csr_matrix", count: int)
 
 
 def chosen_groups(blocks: Sequence[Uncertainty], groups: Sequence["csr_matrix"], count: int) -> list[int]:
-    """Return `count` of several groups of rows, each measured as a whole, in the order in which they were chosen."""
+    """Return the indices of `count` chosen groups of rows, in the order of choice; a group is measured as a whole."""
     left, chosen = list(blocks), []
     for _ in range(min(count, len(groups))):
         gains = [

@@ -1,4 +1,4 @@
-"""The material that samples and the prior make together, to be evaluated anywhere."""
+"""Evaluate at any pair of directions the material estimated from samples and the prior."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING

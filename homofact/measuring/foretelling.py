@@ -1,8 +1,9 @@
-"""Foretell how far the estimate is off, by drawing materials that agree with the samples.
+"""Predict the error of the estimate from random materials that agree with the samples.
 
-Each draw is a material of the posterior: a centre by its probability, logarithms and ratios about it. Against the draw
-the estimate has an error in its pictures, its albedo and its highlight. The intervals are the `COVERED` quantiles of
-these errors, times factors (`BrdfPrior.widening`) by which they cover the errors of measured materials.
+Each draw is a material of the posterior: a centre, drawn by its probability, and random logarithms and ratios about it.
+The errors of the estimate are its differences from the draw in pictures, albedo and highlight. The intervals are the
+`COVERED` quantiles of these errors, widened by factors (`BrdfPrior.widening`) so that they cover the errors of measured
+materials.
 """
 
 import math
@@ -30,14 +31,16 @@ class AimErrors:
 
 @dataclass(frozen=True)
 class Foretold:
-    """What the error is expected to be.
+    """The expected error of an estimate.
 
     Attributes
     ----------
-    psnr, psnr_least : in dB of the pictures, the median and what nine of ten materials reach.
-    degrees : incidences of the following.
-    albedo, albedo_factor : reflected light (mean of the channels), and the factor within which it is.
-    highlight, highlight_factor : that within `aims.HIGHLIGHT` degrees, and its factor.
+    psnr, psnr_least : PSNR of the pictures in dB: the median, and a bound that nine of ten materials reach.
+    degrees : angles of incidence of the following figures, in degrees.
+    albedo, albedo_factor : the estimated albedo (mean of the channels), and the factor within which the true one is
+        expected.
+    highlight, highlight_factor : the part of the albedo with half vectors within `aims.HIGHLIGHT` degrees of the
+        normal, and its factor.
     """
 
     psnr: float
@@ -54,7 +57,7 @@ class Foretold:
 
 
 def aim_errors(aims: MeasuringAims, truth: np.ndarray, estimate: np.ndarray) -> AimErrors:
-    """Return the errors of estimated values (P, C) at the pairs of the aims against true ones."""
+    """Return the errors of estimated values (P, C) against true values, at the pairs of the aims."""
     logs: dict[str, tuple[float, ...]] = {}
     squared = []
     for aim in aims.aims:
@@ -74,7 +77,7 @@ def _squared(aim: Aim, own: np.ndarray, truth: np.ndarray) -> float:
 
 
 def foretold(prior: BrdfPrior, posterior: BrdfPosterior, aims: MeasuringAims, seed: int = 0) -> Foretold:
-    """Return the error that the mean of a posterior is expected to have."""
+    """Return the expected error of the mean of a posterior."""
     estimate = posterior.values(aims.matrix)
     errors = [aim_errors(aims, values, estimate) for values in _drawn(posterior, aims, seed)]
     psnr = np.array([each.psnr for each in errors])
@@ -98,7 +101,7 @@ def foretold(prior: BrdfPrior, posterior: BrdfPosterior, aims: MeasuringAims, se
 
 
 def _drawn(posterior: BrdfPosterior, aims: MeasuringAims, seed: int) -> list[np.ndarray]:
-    """Values (P, C) at the pairs of the aims of materials drawn from a posterior."""
+    """Return values (P, C) of materials drawn from a posterior, at the pairs of the aims."""
     chance = np.random.default_rng(seed)
     count, size = len(posterior.shares), posterior.centres.shape[1]
     centres = chance.choice(count, DRAWS, p=posterior.shares)
@@ -115,6 +118,6 @@ def _drawn(posterior: BrdfPosterior, aims: MeasuringAims, seed: int) -> list[np.
 
 
 def _root(covariance: np.ndarray) -> np.ndarray:
-    """The lower Cholesky factor, with what rounding needs on the diagonal."""
+    """Return the lower Cholesky factor of the covariance, regularized on its diagonal against rounding."""
     least = 1e-8 * float(np.trace(covariance)) / len(covariance) + 1e-12
     return np.linalg.cholesky((covariance + covariance.T) / 2 + least * np.eye(len(covariance)))

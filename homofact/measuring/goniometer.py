@@ -1,7 +1,7 @@
-"""What a goniometer can measure, and how long it takes from one place to the next.
+"""Describe which directions a goniometer can measure, and how long its moves take.
 
-The sample is isotropic, so the light stays at φ = 0. Three axes move one after another: θi of the light, θo and φ of
-the detector. A move takes |angle|/speed and the settling time, for each axis that moves.
+The specimen is isotropic, so the light stays at φ = 0. Three axes move one after another: θi of the light, θo and φ of
+the detector. Each axis that moves takes |angle|/speed plus the settling time.
 """
 
 import math
@@ -29,17 +29,17 @@ _SLACK = 1e-9
 
 @dataclass(frozen=True)
 class Goniometer:
-    """Limits in degrees, and seconds.
+    """Limits of a goniometer's axes in degrees, and its speed.
 
     Attributes
     ----------
-    theta_i, theta_o, phi : the least and greatest angle of the light, the detector and its azimuth. φ is that between
-        both directions: 0 is the way back to the light, 180 the side of the mirror direction.
+    theta_i, theta_o, phi : the least and greatest polar angles of light and detector, and of the azimuth φ between
+        them. φ = 0 is the side of the light, φ = 180 the side of the mirror direction.
     separation : the least angle between light and detector, below which one shadows the other.
-    resolution : angles are multiples of it.
-    rings, azimuths : steps of θo and φ in degrees that an incidence is measured in.
+    resolution : the step of the axes in degrees; measured angles are multiples of this step.
+    rings, azimuths : steps of θo and φ, in degrees, in the measurement of one angle of incidence.
     speed : degrees per second of each axis.
-    settle : seconds before a measurement for each axis that has moved.
+    settle : settling time, in seconds, of each axis that has moved.
     """
 
     theta_i: tuple[float, float] = (0.0, 80.0)
@@ -54,9 +54,9 @@ class Goniometer:
 
     @classmethod
     def reaching(cls, samples: Samples | None, **settings: Any) -> "Goniometer":
-        """Return one whose `theta_i` and `theta_o`, where not given, reach 80°, or as far as the samples.
+        """Return a goniometer that reaches 80°, or the largest angles of the samples if these are larger.
 
-        Raises BadInput as the constructor.
+        A given `theta_i` or `theta_o` takes precedence. Raises BadInput as the constructor does.
         """
         if samples is not None:
             for name, w in (("theta_i", samples.wi), ("theta_o", samples.wo)):
@@ -79,9 +79,9 @@ class Goniometer:
                 raise BadInput(where=name, found=getattr(self, name), expected=f"a number from {least:g} to {most:g}")
 
     def directions(self) -> np.ndarray:
-        """Return angles (N, 3) of θi, θo, φ in degrees that single measurements are chosen from, none twice.
+        """Return the distinct candidates (N, 3) for single measurements: θi, θo, φ in degrees.
 
-        Raises BadInput where the limits leave none, with the angles that they allow.
+        Raises BadInput if the limits allow no direction; its message lists the limits.
         """
         chance = torch.Generator().manual_seed(_SEED)
         found = np.zeros((0, 3))
@@ -97,7 +97,7 @@ class Goniometer:
         return found
 
     def incidences(self) -> list[np.ndarray]:
-        """Return the angles (N, 3) in degrees that each incidence is measured at, multiples of 5° with the limits."""
+        """Return the angles (N, 3), in degrees, of each incidence; θi are the multiples of 5° and both limits."""
         low, high = self.theta_i
         angles = sorted({low, high, *(5.0 * k for k in range(math.ceil(low / 5), math.floor(high / 5) + 1))})
         found = [self.ring(angle) for angle in angles]
@@ -121,12 +121,12 @@ class Goniometer:
         return found[self._allowed(found)]
 
     def moves(self, angles: np.ndarray) -> np.ndarray:
-        """Return seconds (N, N) from each of the places (N, 3) to each other."""
+        """Return the seconds (N, N) of the moves between all pairs of angles (N, 3)."""
         gaps = np.abs(angles[:, None] - angles[None])
         return (gaps / self.speed + self.settle * (gaps > _SLACK)).sum(-1)
 
     def first_moves(self, angles: np.ndarray) -> np.ndarray:
-        """Return seconds (N,) to the places (N, 3) from where the axes are parked, their least angles."""
+        """Return the seconds (N,) of the moves to angles (N, 3) from the parking position, the least angles."""
         gaps = np.abs(angles - np.array([self.theta_i[0], self.theta_o[0], self.phi[0]]))
         return (gaps / self.speed + self.settle * (gaps > _SLACK)).sum(-1)
 
@@ -166,6 +166,6 @@ def separations(angles: np.ndarray) -> np.ndarray:
 
 
 def directions_of(angles: np.ndarray) -> tuple[Tensor, Tensor]:
-    """Return (ωi, ωo), (N, 3) each, of angles (N, 3) in degrees; the light is at φ = 0."""
+    """Return the unit vectors ωi and ωo, (N, 3) each, of angles (N, 3) in degrees; the light is at φ = 0."""
     theta_i, theta_o, phi = torch.from_numpy(np.ascontiguousarray(angles, dtype=np.float64)).deg2rad().unbind(1)
     return from_spherical(theta_i, torch.zeros_like(phi)), from_spherical(theta_o, phi)

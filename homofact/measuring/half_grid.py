@@ -1,7 +1,7 @@
-"""The grid on which a material's logarithms are described: (√θh, θd, φd), evenly spaced, linear in between.
+"""Tabulate a material's logarithms on a regular grid over (√θh, θd, φd), with linear interpolation.
 
-The root spreads the highlight: with 20 nodes the first ring is .25° from the mirror direction. φd is folded to
-[0, π/2], so every function on the grid is isotropic, reciprocal and left-right symmetric.
+The square root gives the highlight more nodes: with 20 nodes, the first ring beside θh = 0 is at θh = .25°. φd is
+folded to [0, π/2], so every function on the grid is isotropic, reciprocal and left-right symmetric.
 """
 
 import math
@@ -43,7 +43,7 @@ class HalfGrid:
         return angles
 
     def matrix(self, wi: "Tensor", wo: "Tensor") -> "csr_matrix":
-        """Return the sparse matrix (N, size) that takes values at the nodes to values at pairs of directions (N, 3)."""
+        """Return the sparse matrix (N, size) that interpolates node values to pairs of directions (N, 3)."""
         from scipy.sparse import csr_matrix
 
         places = self.places(wi, wo)
@@ -58,9 +58,10 @@ class HalfGrid:
         return csr_matrix((weight.reshape(-1), (rows, index.reshape(-1))), shape=(len(places), self.size))
 
     def correlation(self, lengths: tuple[float, float, float]) -> np.ndarray:
-        """Matérn correlations (size, size) of smoothness 3/2 with a length along each coordinate.
+        """Return Matérn correlations (size, size) of smoothness 3/2, with one length for each coordinate.
 
-        φd means less where h is the normal or the directions are one: it is drawn together there by √min(√θh, θd).
+        φd has less effect near h = normal and near ωi = ωo, so its coordinate is scaled by √min(√θh, θd), with both
+        angles in units of 90°.
         """
         x = self.nodes()
         # A kernel of distances between places stays one, whatever the places.

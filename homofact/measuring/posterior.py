@@ -1,11 +1,12 @@
-"""What samples tell of a material: its logarithms and colours at all nodes, and how uncertain they still are.
+"""Estimate a material from samples: its logarithms and colours at all nodes, and their remaining uncertainty.
 
-Kriging with the prior of `prior`: for samples y = B L + noise at each of the M centres
+This is kriging with the prior of `prior`. For samples y = B L + noise, each of the M centres becomes
 
     Lᵢ = cᵢ + K Bᵀ (B K Bᵀ + N)⁻¹ (y − B cᵢ),   K' = K − K Bᵀ (B K Bᵀ + N)⁻¹ B K,
 
-and the weights and scales of Student's t: pᵢ ∝ (1 + χᵢ²/ν)^−(ν+N)/2, K'ᵢ = (ν + χᵢ²)/(ν + N) K', with χᵢ² the squared
-misfit before the samples were used. The ratios likewise with a single centre.
+with weights and scales as for Student's t: pᵢ ∝ (1 + χᵢ²/ν)^−(ν+N)/2, K'ᵢ = (ν + χᵢ²)/(ν + N) K'. Here χᵢ² is the
+squared misfit of the prior's centre, ν its degrees of freedom, and N in these two formulas the number of samples. The
+ratios have a single centre and are updated in the same way.
 """
 
 from dataclasses import dataclass
@@ -29,7 +30,7 @@ _MOST_RATIO = 3.0
 
 @dataclass(frozen=True)
 class BrdfPosterior:
-    """What is known of a material at the n nodes.
+    """The distribution of a material's values at the n nodes.
 
     Attributes
     ----------
@@ -60,18 +61,18 @@ class BrdfPosterior:
 
     @cached_property
     def total(self) -> np.ndarray:
-        """The covariance of L (n, n), that between the centres with it."""
+        """The covariance (n, n) of L, including the covariance between the centres."""
         apart = np.sqrt(self.shares[:, None]) * (self.centres - self.mean)
         return self.scale * self.covariance + apart.T @ apart
 
     def values(self, matrix: "csr_matrix", logs: np.ndarray | None = None) -> np.ndarray:
-        """f (N, C) in sr⁻¹ at the rows of a matrix of `HalfGrid.matrix`; for other logarithms where they are given."""
+        """Return f (N, C) in sr⁻¹ at the rows of a `HalfGrid.matrix`, from the mean of L or from given `logs`."""
         level = np.exp(matrix @ (self.mean if logs is None else logs))
         return np.maximum((matrix @ self.ratios.T) * level[:, None] - EPSILON, 0)
 
 
 def before_samples(prior: BrdfPrior, channels: int) -> BrdfPosterior:
-    """Return what is known before the first sample."""
+    """Return the distribution before the first sample."""
     count = len(prior.scores)
     return BrdfPosterior(
         np.full(count, 1 / count), prior.centres, np.ones(count), prior.covariance,
@@ -80,13 +81,13 @@ def before_samples(prior: BrdfPrior, channels: int) -> BrdfPosterior:
 
 
 def after_samples(prior: BrdfPrior, samples: "Samples") -> BrdfPosterior:
-    """Return what is known of a material by its samples."""
+    """Return the distribution of a material given its samples."""
     matrix = prior.grid.matrix(samples.wi, samples.wo)
     return after_values(prior, matrix, samples.values.numpy())
 
 
 def after_values(prior: BrdfPrior, matrix: "csr_matrix", values: np.ndarray) -> BrdfPosterior:
-    """What is known by values (N, C) in sr⁻¹ at the rows of a matrix of `HalfGrid.matrix`; NOISE is added to them."""
+    """Return the distribution given values (N, C), in sr⁻¹ with noise NOISE, at rows of a `HalfGrid.matrix`."""
     bright = values.mean(1)
     logs = np.log(bright + EPSILON)
     ratios = np.minimum((values + EPSILON) / (bright + EPSILON)[:, None], _MOST_RATIO)
@@ -120,7 +121,7 @@ def _kriged(covariance: np.ndarray, matrix: "csr_matrix") -> tuple[np.ndarray, n
 
 
 def under(root: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Return R⁻¹ times a matrix, R lower triangular."""
+    """Return R⁻¹ times a matrix, where R is lower triangular."""
     from scipy.linalg import solve_triangular
 
     return solve_triangular(root, right, lower=True, check_finite=False)

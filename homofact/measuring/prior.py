@@ -1,19 +1,19 @@
-"""What materials are like: statistics of published surrogates, on the grid of `half_grid`.
+"""Describe typical materials by statistics of published surrogates on the grid of `half_grid`.
 
 A material is described by the logarithm of its brightness, L = log(f̄ + ε) with f̄ the mean of the channels, and by the
-ratio of each channel to it, r = (f + ε)/(f̄ + ε). The ratio has a mean of 1 over the channels and stays bounded where a
-channel is 0, as channels out of the gamut of sRGB are.
+ratio of each channel to it, r = (f + ε)/(f̄ + ε). The ratio has a mean of 1 over the channels. It stays bounded where a
+channel is 0, e.g. for colours outside the sRGB gamut.
 
-L of a material that nobody has seen is near one of the materials of the table (a kernel density):
+The prior of L for an unknown material is a kernel density around the materials of the table:
 
     p(L) = mean over i of t(cᵢ, K),   cᵢ = μ + √(1 − h²) V zᵢ,   K = h² V Vᵀ + S,
 
-with μ the mean of the materials, V their principal vectors times standard deviations, zᵢ their scores, h the width of
-the kernels, and S what the vectors do not describe: a standard deviation at each node with correlations in between
-(`HalfGrid.correlation`). t is Student's, of `FREEDOM` degrees: a material that is less like those of the table than
-they are like each other gets wider errors and less certain neighbours. All cᵢ share K, so that samples cost one
-factorization. The ratios have the mean 1 and one covariance of the same form, for all channels. That is what symmetry
-under exchanges of channels leaves of a Gaussian, so that any number of channels will do.
+Here μ is the mean of the materials, V their principal vectors times standard deviations, zᵢ their scores, and h the
+width of the kernels. S is the covariance that the vectors do not describe: a standard deviation at each node, with the
+correlations of `HalfGrid.correlation`. t is Student's distribution with `FREEDOM` degrees of freedom, so a material
+unlike those of the table gets wider error bars. All cᵢ share K, so an update by samples needs one factorization. The
+ratios have the mean 1, and one covariance of the same form for all channels. A Gaussian that does not change when
+channels are exchanged has this form, so the prior works for any number of channels.
 
 `scripts/planning/measuring_prior.py` makes the table `prior.json` of neural fits (Sztrajman et al. 2021, MIT).
 The principal components of log-mapped BRDFs are those of Nielsen, Jensen and Ramamoorthi (2015, section 3).
@@ -45,7 +45,7 @@ LEAST = 0.01
 
 @dataclass(frozen=True)
 class BrdfPrior:
-    """The statistics of the module's head.
+    """The statistics that the module's docstring defines.
 
     Attributes
     ----------
@@ -53,9 +53,10 @@ class BrdfPrior:
     mean : (n,) of L.
     vectors : (K, n) principal vectors of L times standard deviations.
     scores : (M, K) of the M materials, in standard deviations.
-    rest : (n,) standard deviations of what the vectors do not describe.
-    colour, colour_rest : (k, n) and (n,), the same of the ratios.
-    widening : factors on the half-widths of the intervals, by figure (`foretelling`).
+    rest : (n,) standard deviations of the remainder that the vectors do not describe.
+    colour, colour_rest : (k, n) and (n,), the `vectors` and the `rest` of the ratios.
+    widening : calibration of the error bars of `foretelling`, by name: factors on half-widths, and `psnr`, an offset in
+        dB.
     """
 
     grid: HalfGrid
@@ -69,7 +70,7 @@ class BrdfPrior:
 
     @classmethod
     def of(cls, grid: HalfGrid, logs: np.ndarray, ratios: np.ndarray) -> "BrdfPrior":
-        """Return the statistics of materials: L (M, n) and ratios (M, C, n) at the nodes."""
+        """Return the statistics of M materials from their L (M, n) and ratios (M, C, n) at the nodes."""
         mean = logs.mean(0)
         left, deviations, right = np.linalg.svd((logs - mean) / np.sqrt(len(logs) - 1), full_matrices=False)
         kept = min(VECTORS, len(deviations))
@@ -87,7 +88,7 @@ class BrdfPrior:
 
     @cached_property
     def centres(self) -> np.ndarray:
-        """cᵢ (M, n)."""
+        """The centres cᵢ (M, n) of the kernels."""
         return self.mean + np.sqrt(1 - KERNEL**2) * self.scores @ self.vectors
 
     @cached_property
@@ -97,14 +98,14 @@ class BrdfPrior:
 
     @cached_property
     def colour_covariance(self) -> np.ndarray:
-        """That of the ratios (n, n)."""
+        """The covariance (n, n) of the ratios."""
         return self.colour.T @ self.colour + self._smooth(self.colour_rest)
 
     def _smooth(self, deviations: np.ndarray) -> np.ndarray:
         return deviations[:, None] * self.grid.correlation(LENGTHS) * deviations
 
     def record(self) -> dict[str, Any]:
-        """Return the table as JSON holds it: 8-bit vectors and scores, 16-bit means."""
+        """Return the table for JSON: the mean in 16 bits, all other arrays in 8 bits."""
         small = ("vectors", "scores", "rest", "colour", "colour_rest")
         arrays = {"mean": _packed(self.mean, np.int16)}
         arrays |= {name: _packed(getattr(self, name), np.int8) for name in small}
@@ -121,7 +122,7 @@ class BrdfPrior:
 
 @lru_cache(maxsize=2)
 def read_prior(path: Path = TABLE) -> BrdfPrior:
-    """Return the table in the package. Raises BadInput where it is missing, damaged or of another version."""
+    """Return the package's table. Raises BadInput if it is missing, damaged or of another version."""
     try:
         stored = json.loads(path.read_text(encoding="utf-8"))
         if stored["version"] == VERSION:
@@ -136,7 +137,7 @@ def _rest(variance: np.ndarray, vectors: np.ndarray) -> np.ndarray:
 
 
 def _packed(array: np.ndarray, kind: type[np.signedinteger[Any]]) -> dict[str, Any]:
-    """An array as integers with a factor for each row (one for a vector)."""
+    """Return an array as integers with a scale for each row; a vector has one scale."""
     rows = np.atleast_2d(array)
     scale = np.abs(rows).max(1) / np.iinfo(kind).max
     numbers = np.round(rows / scale[:, None]).astype(kind)

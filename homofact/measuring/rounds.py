@@ -1,4 +1,4 @@
-"""A round of measuring: what the samples so far tell, what to measure next, and whether it is worth it."""
+"""Plan a round of measuring: estimate the material, choose the next directions, and predict their benefit."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -34,14 +34,14 @@ class MeasuringRound:
 
     Attributes
     ----------
-    posterior : what the samples so far tell.
-    foretold : how far off the estimate is expected to be now.
-    angles : (N, 3) θi, θo, φ in degrees in the order of measuring.
-    incidences : the θi that were chosen, best first; empty where single directions were.
-    seconds, seconds_unordered : what the moves take, in this order and in the order of choosing.
-    remaining : the share of the expected squared error that is left after it.
-    change, change_by_rings : by how much the pictures are expected to change, relative to their light, once these are
-        measured, and once the best `RINGS_AHEAD` incidences are.
+    posterior : the distribution of the material given the samples so far.
+    foretold : the expected error of the estimate now.
+    angles : (N, 3) θi, θo, φ in degrees, in the order of measuring.
+    incidences : the chosen θi in degrees, best first; empty if single directions were chosen.
+    seconds, seconds_unordered : duration of all moves in seconds, in this order and in the order of choice.
+    remaining : the share of the expected squared error that remains after these measurements.
+    change, change_by_rings : the expected change of the pictures, relative to their light, by these measurements, and
+        by the best `RINGS_AHEAD` incidences.
     """
 
     posterior: BrdfPosterior
@@ -56,9 +56,10 @@ class MeasuringRound:
 
 
 def check_samples(samples: "Samples") -> None:
-    """Refuse samples that no estimate can be made of.
+    """Reject samples from which no estimate is possible.
 
-    Raises BadInput for anisotropic and black samples, and where two of one place contradict each other.
+    Raises BadInput for anisotropic or all-zero samples, and if two samples of one pair of directions contradict each
+    other.
     """
     if not samples.isotropic:
         raise BadInput(
@@ -93,7 +94,7 @@ def check_samples(samples: "Samples") -> None:
 
 
 def posterior_of(prior: BrdfPrior, samples: "Samples | None", channels: int, seed: int = 0) -> BrdfPosterior:
-    """Return what samples tell, at most `MOST_SAMPLES` of them; what is known before the first where there are none."""
+    """Return the posterior given at most `MOST_SAMPLES` of the samples, or the prior if there are none."""
     if samples is None:
         return before_samples(prior, channels)
     return after_samples(prior, samples.subset(MOST_SAMPLES, seed))
@@ -102,7 +103,7 @@ def posterior_of(prior: BrdfPrior, samples: "Samples | None", channels: int, see
 def next_round(
     prior: BrdfPrior, posterior: BrdfPosterior, goniometer: Goniometer, *, directions: int = 0, incidences: int = 0
 ) -> MeasuringRound:
-    """Return the next `directions` single measurements, or `incidences` with all of their views.
+    """Choose the next `directions` single measurements, or `incidences` angles of incidence with all views.
 
     Raises BadInput where the goniometer can measure none of them.
     """
@@ -136,7 +137,7 @@ def next_round(
 
 
 def chosen_angles(prior: BrdfPrior, posterior: BrdfPosterior, goniometer: Goniometer, directions: int) -> np.ndarray:
-    """Return the angles (N, 3) of `next_round` alone, best first."""
+    """Return only the angles (N, 3) that `next_round` would choose, best first."""
     weights = measuring_aims(prior.grid).weights(posterior)
     return _single(prior, uncertainties(posterior, weights), goniometer, directions)
 
@@ -147,16 +148,17 @@ def _single(prior: BrdfPrior, blocks: Sequence[Uncertainty], goniometer: Goniome
 
 
 def remaining(blocks: Sequence[Uncertainty], matrix: object) -> float:
-    """Return the share of the expected squared error that is left once the rows of a matrix are measured."""
+    """Return the share of the expected squared error that remains after measuring the rows of a matrix."""
     before = sum(float((block.weights * block.covariance).sum()) for block in blocks)
     after = before - sum(block.gain(matrix) for block in blocks)  # type: ignore[arg-type]
     return max(after, 0.0) / max(before, 1e-300)
 
 
 def picture_change(aims: MeasuringAims, posterior: BrdfPosterior, taken: np.ndarray) -> float:
-    """Σ E|change| over Σ light of the pictures, once what takes Gᵀ G off the covariance of L is measured.
+    """Return Σ E|change| / Σ light of the pictures for measurements that lower the covariance of L by Gᵀ G.
 
-    The estimate then moves by a Gaussian with that covariance, whose mean size is √(2/π) of its deviation.
+    The change of the estimate is Gaussian with the covariance Gᵀ G. Its mean absolute value is √(2/π) of its standard
+    deviation.
     """
     parts = []
     for aim, rows in aims.slopes(posterior.mean, of_light=True):

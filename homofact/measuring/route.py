@@ -1,14 +1,14 @@
-"""An order of measurements with short moves: an open path from where the axes are parked.
+"""Order measurements for short moves, as an open path from the parking position.
 
-Nearest neighbours first, then exchanges of the ends of every stretch (2-opt) until none helps. The order that was given
-is kept where it is no longer.
+The path starts from nearest neighbours. 2-opt then reverses stretches of the path until no reversal helps, for at most
+8 rounds. If the result is no shorter than the given order, the given order is kept.
 """
 
 import numpy as np
 
 
 def shortest_order(moves: np.ndarray, first: np.ndarray) -> list[int]:
-    """A short order of N places, of the seconds (N, N) between and (N,) from the start; no longer than 0, 1, 2 …"""
+    """Return a short order of N places, given the seconds of all moves (N, N) and of the first moves (N,)."""
     given = list(range(len(moves)))
     if len(given) < 2:
         return given
@@ -17,7 +17,7 @@ def shortest_order(moves: np.ndarray, first: np.ndarray) -> list[int]:
 
 
 def seconds(path: list[int], moves: np.ndarray, first: np.ndarray) -> float:
-    """Return what a path takes, from the start to its last place; 0 for none."""
+    """Return the seconds of a path from the start to its last place; 0 for an empty path."""
     if not path:
         return 0.0
     return float(first[path[0]] + moves[path[:-1], path[1:]].sum())

@@ -1,1 +1,1 @@
-"""Triangle meshes: files, what is wrong with them, tangents, shapes that are generated, rays against them."""
+"""Read, check, repair and generate triangle meshes, compute their tangents, and trace rays against them."""

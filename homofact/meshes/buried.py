@@ -1,11 +1,11 @@
-"""Vertices that lie inside other parts of a scene, and where to find the light that they receive instead.
+"""Find vertices that lie inside other parts of a scene, and exposed points whose light they use instead.
 
-A button that is sunk in its case, or the handle of a teapot that runs on inside the body, has vertices that see
-nothing although a part of their triangles is in the open. Light mixed linearly from the corners is then too dark all
-over the part that shows. What such a vertex is worth to the visible part of its triangles is the light next to where
-they come out. Its light is therefore asked at the nearest place in the open on the lines from it to the other corners
-and to the middles of its triangles; its normal stays its own. A vertex in a fold of one surface is left alone: there
-light fades into the fold, and at no place near it does the surface see much more.
+A button sunk into its case, or the handle of a teapot that continues inside the body, has vertices that receive no
+light although part of their triangles is exposed. Light interpolated linearly from the corners is then too dark in the
+whole exposed part. The correct light for such a vertex is that near the place where its triangles emerge. The light of
+the vertex is therefore computed at the nearest exposed point on the lines from the vertex to the other corners and to
+the centres of its triangles, with the normal of the vertex. A vertex in a fold of one surface does not change: light
+fades towards the fold, so no nearby point is exposed much more.
 """
 
 import math
@@ -26,7 +26,7 @@ _ALONG = (1 / 8, 1 / 4, 1 / 2, 3 / 4)
 
 
 def with_open_origins(mesh: Mesh, occluder: Occluder) -> Mesh:
-    """The mesh with `origins` for its buried vertices; itself if there are none that come out anywhere."""
+    """Return the mesh with `origins` for its buried vertices, or the mesh itself if no exposed point was found."""
     normals = mesh.normals
     buried = _free(mesh.positions, normals, occluder, _RAYS) <= _BURIED
     corners = [np.roll(mesh.triangles, -k, axis=1) for k in range(3)]
@@ -52,7 +52,7 @@ def with_open_origins(mesh: Mesh, occluder: Occluder) -> Mesh:
 
 
 def _free(places: np.ndarray, normals: np.ndarray, occluder: Occluder, count: int) -> np.ndarray:
-    """The part (N,) of so many rays, even in solid angle above `normals` (N, 3), that nothing blocks."""
+    """Return the share (N,) of unblocked rays among `count` rays, uniform in solid angle above `normals` (N, 3)."""
     k = np.arange(count) + 0.5
     z, phi = 1 - k / count, k * (math.pi * (3 - math.sqrt(5)))
     flat = np.sqrt(1 - z * z)

@@ -1,6 +1,6 @@
-"""The triangles in an OBJ file, by its lines, and in a PLY file, by the library plyfile.
+"""Read the triangles of an OBJ file, line by line, and of a PLY file, with the library plyfile.
 
-Polygons become fans. Texture coordinates, colours, groups and materials are passed over.
+Polygons become triangle fans. Texture coordinates, colours, groups and materials are ignored.
 """
 
 import warnings
@@ -18,15 +18,15 @@ _INDEX_NAMES = ("vertex_indices", "vertex_index")
 
 
 def _fans(polygons: list[tuple[int, ...]]) -> np.ndarray:
-    """(T, 3) int64 of polygons of three or more corners."""
+    """Return triangles (T, 3) int64 of polygons with three or more corners."""
     corners = chain.from_iterable((p[0], p[k], p[k + 1]) for p in polygons for k in range(1, len(p) - 1))
     return np.fromiter(corners, np.int64).reshape(-1, 3)
 
 
 def parse_obj(data: bytes, name: str) -> Parsed:
-    """Return lines v, vn and f; a vertex for each pair of position and normal that the faces use.
+    """Parse the lines v, vn and f into a mesh with a vertex for each used pair of position and normal.
 
-    Raises BadInput that names the line.
+    Raises BadInput with the line number.
     """
     try:
         text = data.decode("utf-8")
@@ -67,7 +67,7 @@ def parse_obj(data: bytes, name: str) -> Parsed:
 
 
 def _corner(word: str, points: int, normals: int, where: str) -> tuple[int, int]:
-    """(position, normal) of v, v/vt, v//vn or v/vt/vn, counted from 0; the normal is −1 where there is none."""
+    """Return 0-based indices (position, normal) of v, v/vt, v//vn or v/vt/vn; −1 for a missing normal."""
     parts = word.split("/")
     found = []
     for what, part, count in (("vertex", parts[0], points), ("normal", parts[2] if len(parts) > 2 else "", normals)):
@@ -86,7 +86,7 @@ def _corner(word: str, points: int, normals: int, where: str) -> tuple[int, int]
 
 
 def parse_ply(data: bytes, name: str) -> Parsed:
-    """Elements vertex and face; others are passed over. Raises BadInput for a file that plyfile refuses."""
+    """Parse the elements vertex and face of a PLY file. Raises BadInput for a file that plyfile rejects."""
     plyfile = extras.library("plyfile", name)
     try:
         with warnings.catch_warnings():
@@ -119,7 +119,7 @@ def parse_ply(data: bytes, name: str) -> Parsed:
 
 
 def _vectors(vertices: np.ndarray, names: Sequence[str], name: str) -> np.ndarray:
-    """(V, 3) of three properties. Raises BadInput where one is a list."""
+    """Return three properties as an array (V, 3). Raises BadInput if one is a list."""
     for each in names:
         if vertices.dtype[each].kind not in "iuf":
             raise BadInput(f"the vertices' {each} is a list", where=name, expected="a number")
@@ -127,7 +127,7 @@ def _vectors(vertices: np.ndarray, names: Sequence[str], name: str) -> np.ndarra
 
 
 def _polygon(corners: np.ndarray, key: str, name: str) -> tuple[int, ...]:
-    """A face's indices. Raises BadInput where they are no whole numbers."""
+    """Return a face's indices. Raises BadInput if they are not whole numbers."""
     if corners.dtype.kind not in "iu":
         raise BadInput(f"{key} of type {corners.dtype}", where=name, expected="whole numbers")
     return tuple(corners.tolist())

@@ -1,7 +1,8 @@
-"""The triangles of a glTF scene, whole or by parts, by trimesh; what the file claims is checked first.
+"""Read the triangles of a glTF scene, whole or by parts, with trimesh, after checking the counts in the file.
 
-Buffers beside a .gltf are read as every file is, images only where parts are asked for. trimesh's own time grows with
-the square of how deep nodes lie in one another and more, and a mesh is copied for every node that names it.
+Buffers beside a .gltf file are read with the checks of any other file. Images are read only for `parse_parts`. The
+number and depth of nodes is limited, because trimesh's time grows at least with the square of the nesting depth, and it
+copies a mesh for every node that references it.
 """
 
 import json
@@ -26,10 +27,10 @@ _MOST_NODES, _DEEPEST, _MOST_CORNERS = 10_000, 64, 30_000_000
 
 
 def parse_gltf(path: Path, data: bytes) -> Parsed:
-    """Return all meshes of a .glb or .gltf scene at their places, as one; buffers beside a .gltf are read too.
+    """Return all meshes of a .glb or .gltf scene, transformed and merged; also reads buffers beside a .gltf.
 
-    Raises BadInput for a file that trimesh refuses, that claims more than it can hold, without triangles, and where
-    trimesh is not installed.
+    Raises BadInput if trimesh is not installed or rejects the file, if the file declares more data than it can contain,
+    or if it has no triangles.
     """
     parts = [parsed for parsed, _, _ in _loaded(path, data, False)]
     starts = np.cumsum([0, *(len(each.positions) for each in parts)])
@@ -42,15 +43,15 @@ def parse_gltf(path: Path, data: bytes) -> Parsed:
 
 
 def parse_parts(path: Path, data: bytes) -> list[tuple[Parsed, str, Any]]:
-    """Return every primitive at its place with its name and trimesh's visual of it, pictures read.
+    """Return every primitive, transformed, with its name and trimesh's visual, including pictures.
 
-    Raises BadInput alike.
+    Raises BadInput as `parse_gltf` does.
     """
     return _loaded(path, data, True)
 
 
 def gltf_header(path: Path, data: bytes) -> dict[str, Any]:
-    """Return the JSON of a .glb or .gltf file. Raises BadInput where there is none."""
+    """Return the JSON of a .glb or .gltf file. Raises BadInput if there is none."""
     return _header(path, data, data[:4] == b"glTF")
 
 
@@ -78,7 +79,7 @@ def _loaded(path: Path, data: bytes, materials: bool) -> list[tuple[Parsed, str,
 
 
 def _for_parts(header: dict[str, Any], data: bytes) -> bytes:
-    """The file as trimesh reads all of it: tangents under a name of homofact, materials named by their numbers."""
+    """Return the file with tangents renamed and materials named by number, so that trimesh keeps them."""
     for number, material in enumerate(_dicts(header, "materials")):
         material["name"] = str(number)
     for mesh in _dicts(header, "meshes"):
@@ -96,7 +97,7 @@ def _for_parts(header: dict[str, Any], data: bytes) -> bytes:
 
 
 def _normals(part: Any, scene: Any, count: int) -> np.ndarray | None:
-    """The normals (V, 3) that a part has in the file, in the scene's frame and of any length."""
+    """Return a part's normals (V, 3) from the file, in the scene's frame and of any length."""
     place, name = scene.graph[part.metadata["node"]]
     # trimesh has them in the cache of what it read; a copy at its place in the scene loses them.
     given = np.asarray(scene.geometry[name]._cache.cache.get("vertex_normals", ()), np.float64)
@@ -108,7 +109,7 @@ def _normals(part: Any, scene: Any, count: int) -> np.ndarray | None:
 
 
 def _tangents(part: Any, scene: Any, count: int) -> np.ndarray | None:
-    """The tangents (V, 4) that a part has in the file, in the scene's frame."""
+    """Return a part's tangents (V, 4) from the file, in the scene's frame."""
     given = np.asarray(part.vertex_attributes.get(_TANGENT, ()), np.float64)
     if given.shape != (count, 4):
         return None
@@ -139,12 +140,12 @@ def _parsed(path: Path, part: Any, scene: Any) -> Parsed:
 
 @dataclass(frozen=True)
 class _Beside:
-    """What trimesh asks for the files that a .gltf names: plain files beside it, never a pipe that waits for ever."""
+    """The resolver through which trimesh reads the files that a .gltf references: only regular files beside it."""
 
     path: Path
 
     def __getitem__(self, name: str) -> bytes:
-        """The bytes of a file."""
+        """Return the bytes of a file."""
         return read_bytes(self.path.parent / unquote(name), f"a buffer of {self.path.name}")
 
 
@@ -169,7 +170,7 @@ def _header(path: Path, data: bytes, binary: bool) -> dict[str, Any]:
 
 
 def _check(path: Path, header: dict[str, Any], size: int) -> None:
-    """Refuse nodes that are no trees, or too many, and numbers that no buffer holds. Raises BadInput."""
+    """Reject nodes that are too many or not trees, and counts that exceed the buffers. Raises BadInput."""
     nodes, accessors = _dicts(header, "nodes"), _dicts(header, "accessors")
     room = size + sum(_whole(each, "byteLength") for each in _dicts(header, "buffers"))
     for number, each in enumerate(accessors):
@@ -197,7 +198,7 @@ def _check(path: Path, header: dict[str, Any], size: int) -> None:
 
 
 def _corners(header: dict[str, Any], node: dict[str, Any], accessors: list[dict[str, Any]]) -> int:
-    """How many corners a node's mesh has."""
+    """Return an upper bound of the number of corners of a node's mesh."""
     meshes = _dicts(header, "meshes")
     total = 0
     for number in _numbers([node.get("mesh")], len(meshes)):
@@ -210,13 +211,13 @@ def _corners(header: dict[str, Any], node: dict[str, Any], accessors: list[dict[
 
 
 def _dicts(found: dict[str, Any], name: str) -> list[dict[str, Any]]:
-    """A list of objects, whatever is there; what is none is for trimesh to refuse."""
+    """Return a list of JSON objects; an entry of another type becomes {}, and trimesh rejects it later."""
     value = found.get(name)
     return [each if isinstance(each, dict) else {} for each in value] if isinstance(value, list) else []
 
 
 def _numbers(value: Any, below: int) -> Iterator[int]:
-    """Those of a list's entries that number something there is."""
+    """Yield the entries of a list that are valid indices below `below`."""
     for each in value if isinstance(value, list) else ():
         if isinstance(each, int) and not isinstance(each, bool) and 0 <= each < below:
             yield each

@@ -1,7 +1,7 @@
-"""A glTF scene as its parts: one mesh for each primitive, with its material and texture coordinates.
+"""Read a glTF scene as parts: one mesh for each primitive, with its material and texture coordinates.
 
-Of the metallic-roughness material come the factors, the base colour and the normals as pictures, and metallic and
-roughness by the means of theirs. What else a material has, such as emission and extensions, is named in `left_out`.
+From a metallic-roughness material, homofact reads the factors, the pictures of base colour and normals, and the mean
+values of the metallic-roughness texture. `left_out` names all other properties, such as emission and extensions.
 """
 
 import math
@@ -35,11 +35,12 @@ _LEFT_OUT = {
 
 @dataclass(frozen=True)
 class GltfMaterial:
-    """The factors, `base_colour` of three numbers in linear light; `picture` (H, W, 3) multiplies it, row 0 at v = 0.
+    """A material's factors, `base_colour` in linear RGB; `picture` (H, W, 3), row 0 at v = 0, multiplies the colour.
 
-    The picture's values, 0 to 1, are encoded by sRGB's curve, as in its file. `normals` (H, W, 3) float32 are the unit
-    normals of a normal map in tangent space, with its scale; None where all are (0, 0, 1). `left_out` names what is not
-    used. `placed` is False where the mesh lacks the picture's coordinates, so that only its mean counts.
+    The picture's values, from 0 to 1, are sRGB-encoded, as in the file. `normals` (H, W, 3) float32 are the unit
+    normals of a normal map in tangent space, after its scale; None if all are (0, 0, 1). `left_out` names the
+    properties that homofact does not use. `placed` is False if the mesh lacks the picture's texture coordinates; then
+    only the picture's mean is used.
     """
 
     base_colour: tuple[float, float, float] = (1.0, 1.0, 1.0)
@@ -53,7 +54,7 @@ class GltfMaterial:
 
 @dataclass(frozen=True)
 class GltfPart:
-    """A primitive: a name that no other part of the file has, its mesh, and its material where it names one."""
+    """A primitive: a name that is unique in the file, its mesh, and its material, if any."""
 
     name: str
     mesh: Mesh
@@ -61,15 +62,15 @@ class GltfPart:
 
 
 def is_gltf(text: str) -> bool:
-    """Return whether a path, or the file of "FILE#PART", has the ending of a glTF file."""
+    """Return whether a path, or FILE in "FILE#PART", has the extension of a glTF file."""
     return split_member(text)[0].lower().endswith(ENDINGS)
 
 
 def gltf_parts(path: str | os.PathLike[str]) -> tuple[GltfPart, ...]:
-    """All parts of a glTF file in the order of their names, fitted into the unit sphere as `read_mesh` does the whole.
+    """Return all parts of a glTF file by name, scaled together into the unit sphere as by `read_mesh`.
 
-    Raises BadInput as `read_mesh`, for pictures that are missing or cannot be read, textures on a mesh without texture
-    coordinates, and more than 256 parts.
+    Raises BadInput as `read_mesh` does, and for missing or unreadable pictures, for textures on a mesh without texture
+    coordinates, and for more than 256 parts.
     """
     target = Path(path)
     try:
@@ -82,7 +83,7 @@ def gltf_parts(path: str | os.PathLike[str]) -> tuple[GltfPart, ...]:
 def gltf_part(text: str) -> GltfPart:
     """Return the part that "FILE#PART" names.
 
-    Raises BadInput as `gltf_parts`, and where there is none, with all names.
+    Raises BadInput as `gltf_parts` does, and if no part has this name; the message lists the names.
     """
     file, name = split_member(text)
     parts = gltf_parts(file)
@@ -128,7 +129,7 @@ def _parts(path: str, _state: tuple[int, int] | None) -> tuple[GltfPart, ...]:
 
 
 def _check_pictures(path: Path, header: dict[str, Any]) -> None:
-    """Refuse pictures beside the file that are not there. Raises BadInput."""
+    """Reject a file whose external pictures are missing. Raises BadInput."""
     images = header["images"] if isinstance(header["images"], list) else []
     for each in images:
         uri = each.get("uri") if isinstance(each, dict) else None
@@ -137,7 +138,7 @@ def _check_pictures(path: Path, header: dict[str, Any]) -> None:
 
 
 def _written(header: dict[str, Any]) -> dict[str, dict[str, Any]]:
-    """The materials as the file has them, by their numbers, which are their names in what `parse_parts` returns."""
+    """Return the materials of the file's JSON by number; `parse_parts` uses the numbers as their names."""
     materials = header.get("materials")
     found = materials if isinstance(materials, list) else []
     return {str(number): each for number, each in enumerate(found) if isinstance(each, dict)}
@@ -146,7 +147,7 @@ def _written(header: dict[str, Any]) -> dict[str, dict[str, Any]]:
 def _material(
     where: str, visual: Any, mesh: Mesh, written: dict[str, dict[str, Any]]
 ) -> tuple[GltfMaterial | None, TextureTransform]:
-    """(the material, what is done to the mesh's texture coordinates before its pictures are read)."""
+    """Return the material, and the transform of the texture coordinates for its pictures."""
     given = getattr(visual, "material", None)
     if given is None or not hasattr(given, "baseColorFactor"):
         return None, TextureTransform()
@@ -183,9 +184,9 @@ def _material(
 
 
 def _moved(own: dict[str, Any], coloured: bool, bumpy: bool, where: str) -> tuple[TextureTransform, tuple[str, ...]]:
-    """(what is done to the texture coordinates for the pictures that are used, what of it is left out).
+    """Return the transform of the texture coordinates for the used pictures, and remarks on ignored transforms.
 
-    A mesh has one set of them, which is kept as the file has it where its two pictures have different transforms.
+    A mesh has one set of texture coordinates. If its two pictures have different transforms, neither is applied.
     """
     model = own.get("pbrMetallicRoughness")
     colour = model.get("baseColorTexture") if isinstance(model, dict) else None
@@ -199,7 +200,7 @@ def _moved(own: dict[str, Any], coloured: bool, bumpy: bool, where: str) -> tupl
 
 
 def _normals(given: Any, own: dict[str, Any], mesh: Mesh, where: str) -> tuple[np.ndarray | None, list[str]]:
-    """(the normals of a normal map (H, W, 3), None where there is none or it is flat; what of it is left out)."""
+    """Return the normals (H, W, 3) of a normal map, None if it is missing or flat, and remarks on ignored parts."""
     written = own.get("normalTexture")
     if given.normalTexture is None:
         if isinstance(written, dict):
@@ -225,17 +226,17 @@ def _normals(given: Any, own: dict[str, Any], mesh: Mesh, where: str) -> tuple[n
 
 
 def _factors(values: np.ndarray) -> list[float]:
-    """Factors from 0 to 1; trimesh has those of a byte each."""
+    """Return factors from 0 to 1; trimesh may give them as bytes."""
     return np.clip(values / 255 if values.dtype.kind == "u" else values, 0, 1).astype(float).tolist()
 
 
 def _is_there(value: Any) -> bool:
-    """Whether a picture is there, or a factor that is not 0."""
+    """Return whether a value is a picture or a nonzero factor."""
     return value is not None and (hasattr(value, "convert") or bool(np.any(value)))
 
 
 def _pixels(picture: Any, where: str) -> np.ndarray:
-    """(H, W, 3) from 0 to 1, of pictures no larger than 1024 pixels a side. Raises BadInput for what is no picture."""
+    """Return pixels (H, W, 3) from 0 to 1, at most 1024 a side. Raises BadInput for unreadable pictures."""
     try:
         found = picture.convert("RGB")
         if max(found.size) > _LARGEST_SIDE:

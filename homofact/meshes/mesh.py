@@ -1,12 +1,12 @@
-"""A mesh to show a material on: Wavefront OBJ, PLY and glTF, told apart by content.
+"""Read a mesh from a Wavefront OBJ, PLY or glTF file; the file's content determines its format.
 
-Positions are moved and scaled so that the smallest box round the mesh is centred and the mesh's farthest corner
-lies on the unit sphere, unless the file's own units are asked for. Normals that the file has are kept; else each
-vertex gets the sum of its triangles' normals, weighted by their areas, over all vertices at the same place (an OBJ
-splits them along texture seams); triangles that are wound against their neighbours are turned first (`meshes.winding`).
-A mesh wound inside out, which encloses a negative volume, is turned, and every triangle is wound so that it faces the
-side of its normals. Polygons become fans. Texture coordinates, colours, groups
-and materials are passed over.
+Unless the caller requests the file's own units, positions are moved and scaled: the bounding box is centred at the
+origin, and the farthest vertex lies on the unit sphere. Normals in the file are kept. Otherwise each vertex gets the
+area-weighted sum of its triangles' normals, over all vertices at the same position, because an OBJ file splits vertices
+along texture seams. Before that, triangles wound against their neighbours are flipped (`meshes.winding`), and a mesh
+that encloses a negative volume is turned inside out. Finally, every triangle is wound to face the side of its normals.
+Polygons become triangle fans. Colours, groups and materials are ignored, and texture coordinates of OBJ and PLY files
+too.
 """
 
 import os
@@ -28,11 +28,12 @@ _MOST, _MOST_OWN = 1e300, 1e9
 
 @dataclass(frozen=True)
 class Mesh:
-    """`positions` (V, 3) and unit `normals` (V, 3) float64, `triangles` (T, 3) int64 into them; `name` for captions.
+    """`positions` (V, 3), unit `normals` (V, 3) float64, vertex indices `triangles` (T, 3) int64, and a `name`.
 
-    `remarks` list the repairs made when it was read. `uv` (V, 2) are texture coordinates, v downwards, where it has
-    any. `tangents` (V, 4) are unit tangents with the sign of the binormal, where a normal map needs them. `origins`
-    (V, 3) are where the light of the vertices is asked, if some lie inside other parts (`meshes.buried`).
+    `remarks` list the repairs during reading. `uv` (V, 2) are texture coordinates, v downwards, if the mesh has any.
+    `tangents` (V, 4) are unit tangents with the sign of the binormal, if a normal map needs them. `origins` (V, 3) are
+    the points at which the light of the vertices is computed, if some vertices lie inside other parts
+    (`meshes.buried`).
     """
 
     positions: np.ndarray
@@ -46,15 +47,15 @@ class Mesh:
 
     @property
     def lit_at(self) -> np.ndarray:
-        """Where the light of the vertices is asked (V, 3): at their positions, unless there are `origins`."""
+        """The points (V, 3) at which the light of the vertices is computed: `origins` if given, else `positions`."""
         return self.positions if self.origins is None else self.origins
 
 
 def read_mesh(path: str | os.PathLike[str], fitted: bool = True) -> Mesh:
-    """Return the mesh in an OBJ, PLY or glTF file, as the module's head says; in the file's own units unless `fitted`.
+    """Read an OBJ, PLY or glTF file as the module's docstring describes; in the file's units unless `fitted`.
 
-    Raises BadInput, one line, for a file that cannot be read, is none of them, is damaged or truncated, has no
-    triangles, indices that name no vertex, or coordinates that are not finite or without bound.
+    Raises BadInput, with a one-line message, for a file that is unreadable, of another format, damaged, or truncated;
+    and for a mesh without triangles, with invalid indices, or with coordinates that are too large or not finite.
     """
     target = Path(path)
     data = read_bytes(target, "an OBJ, PLY or glTF mesh")
@@ -68,7 +69,7 @@ def read_mesh(path: str | os.PathLike[str], fitted: bool = True) -> Mesh:
 
 
 def mesh_of(parsed: Parsed, target: Path, fitted: bool = True) -> Mesh:
-    """Return the mesh of what was parsed from a file. Raises BadInput as `read_mesh`."""
+    """Return the mesh of parsed file content. Raises BadInput as `read_mesh` does."""
     positions, normals, triangles, uv, tangents = parsed
     if not len(triangles):
         raise BadInput("no triangles in it", where=target, expected="a mesh")
@@ -111,19 +112,19 @@ def mesh_of(parsed: Parsed, target: Path, fitted: bool = True) -> Mesh:
 
 
 def _face_normals(positions: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """(T, 3), twice the triangle's area long."""
+    """Return normals (T, 3) whose length is twice the triangle's area."""
     a, b, c = (positions[triangles[:, k]] for k in range(3))
     return np.cross(b - a, c - a)
 
 
 def _outward(positions: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """The triangles, all turned where they enclose a negative volume."""
+    """Return the triangles, all flipped if they enclose a negative volume."""
     volume = (positions[triangles[:, 0]] * _face_normals(positions, triangles)).sum()
     return triangles if volume >= 0 else triangles[:, ::-1].copy()
 
 
 def _vertex_normals(positions: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """(V, 3), not 0: the sum of the triangles' normals over all vertices at the same place; z where there is none."""
+    """Return nonzero vertex normals (V, 3): sums of face normals per vertex position, or z if a sum is 0."""
     _, place = np.unique(positions, axis=0, return_inverse=True)
     place = place.reshape(-1)
     total = np.zeros((place.max() + 1, 3))
@@ -135,6 +136,6 @@ def _vertex_normals(positions: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 
 
 def _facing(positions: np.ndarray, normals: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """The triangles, each wound so that its own normal is on the side of its vertices'."""
+    """Return the triangles, each wound to face the side of its vertices' normals."""
     away = (_face_normals(positions, triangles) * normals[triangles].sum(1)).sum(1) < 0
     return np.where(away[:, None], triangles[:, ::-1], triangles)

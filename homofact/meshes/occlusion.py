@@ -1,9 +1,9 @@
-"""Rays against a mesh, by Embree: what blocks the light, and what a camera sees first.
+"""Trace rays against a mesh with Embree: whether light is blocked, and which triangle a camera sees first.
 
-Embree's occlusion query stops at any hit and is about a third faster than its search for the first. Its coordinates
-are float32: rays start `OFFSET` of the mesh's size above the surface, along the normal, so that a surface does not
-shadow itself where its triangles are coarser than its normals. Without Embree nothing is traced: rays by other means
-are hundreds of times slower.
+Embree's occlusion query stops at any hit and is about a third faster than its query for the nearest hit. Embree uses
+float32. Callers therefore start rays `OFFSET` times the mesh's size above the surface, along the normal, so that a
+coarsely triangulated smooth surface does not shadow itself. Embree is required, because the alternatives are hundreds
+of times slower.
 """
 
 import numpy as np
@@ -16,10 +16,11 @@ _CHUNK, _FAR = 2**20, 1e37
 
 
 class Occluder:
-    """Triangles (T, 3) over positions (V, 3), built once; several threads can trace rays at the same time.
+    """An Embree scene of triangles (T, 3) over positions (V, 3); several threads can trace rays in it at once.
 
-    The offset of rays is a part of `size`. Default: the size of all triangles. Raises BadInput if embreex is not
-    installed, and for a mesh without triangles.
+    The attribute `offset`, the distance of ray origins from the surface, is proportional to `size`. Default `size`: the
+    diagonal of the triangles' bounding box. Raises BadInput if embreex is not installed, and for a mesh without
+    triangles.
     """
 
     def __init__(self, positions: np.ndarray, triangles: np.ndarray, size: float | None = None) -> None:
@@ -36,9 +37,9 @@ class Occluder:
         self.offset = OFFSET * (extent(np.asarray(positions), triangles) if size is None else size)
 
     def blocked(self, origins: np.ndarray, directions: np.ndarray, lengths: np.ndarray | None = None) -> np.ndarray:
-        """Whether something is in the way (R,) of rays from `origins` (R, 3) along `directions` (R, 3).
+        """Return whether (R,) rays from `origins` (R, 3) along `directions` (R, 3) are blocked.
 
-        Rays end at `lengths` (R,) of unit directions. Default: never.
+        Rays with unit directions end after `lengths` (R,). By default they are unbounded.
         """
         found = []
         for first, part in enumerate(_parts(origins, directions)):
@@ -49,7 +50,7 @@ class Occluder:
         return np.concatenate(found) if found else np.zeros(0, bool)
 
     def first(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(triangle (R,) or −1, barycentric weights (R, 3) of its corners) of the nearest hits."""
+        """Return the nearest hit's triangle (R,), −1 for none, and the barycentric weights (R, 3) of its corners."""
         triangles, weights = [], []
         for part in _parts(origins, directions):
             found = self._scene.run(*part, query="INTERSECT", output=True)
@@ -60,7 +61,7 @@ class Occluder:
 
 
 def extent(positions: np.ndarray, triangles: np.ndarray) -> float:
-    """The diagonal of the box round some triangles."""
+    """Return the diagonal of the bounding box of some triangles."""
     used = positions[np.unique(triangles)]
     return float(np.linalg.norm(used.max(0) - used.min(0)))
 

@@ -1,4 +1,4 @@
-"""What the readers of meshes give."""
+"""Define the result of the mesh readers."""
 
 from typing import NamedTuple
 
@@ -8,8 +8,8 @@ import numpy as np
 class Parsed(NamedTuple):
     """`positions` (V, 3) and, where the file has them, `normals` (V, 3) of any length; `triangles` (T, 3) int64.
 
-    Parts of a glTF scene have `uv` (V, 2), texture coordinates, v downwards as glTF has them, and may have `tangents`
-    (V, 4) with the sign of the binormal.
+    Parts of a glTF scene may have texture coordinates `uv` (V, 2), with v downwards as in glTF, and `tangents` (V, 4)
+    with the sign of the binormal.
     """
 
     positions: np.ndarray

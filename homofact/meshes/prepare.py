@@ -1,4 +1,4 @@
-"""A mesh made fit for shadows, and what was wrong with it: one line a finding."""
+"""Prepare a mesh for shadow rays, and report its faults, one line per finding."""
 
 from dataclasses import replace
 
@@ -14,10 +14,10 @@ _THICKNESS = 1e-3
 
 
 def prepared(mesh: Mesh) -> tuple[Mesh, tuple[str, ...]]:
-    """Return (the mesh without degenerate triangles and with its normals outward, what was found).
+    """Return the mesh without degenerate triangles and with outward normals, and the findings.
 
-    An open mesh is kept as it is and named: light may enter it from behind. Normals are turned only where they enclose
-    a negative volume and the mesh is closed. Raises BadInput where no triangle is left.
+    An open mesh does not change, but is reported, because light may enter it from behind. Normals are flipped only if
+    the mesh is closed and encloses a negative volume. Raises BadInput if no triangle remains.
     """
     notes = list(mesh.remarks)
     a, b, c = (mesh.positions[mesh.triangles[:, k]] for k in range(3))
@@ -42,7 +42,7 @@ def prepared(mesh: Mesh) -> tuple[Mesh, tuple[str, ...]]:
 
 
 def two_sided(mesh: Mesh) -> Mesh:
-    """Return the mesh with a back: its triangles once more, turned, `_THICKNESS` of its size behind themselves."""
+    """Return the mesh with back faces: flipped copies of its triangles, `_THICKNESS` of its size behind them."""
     size = float(np.linalg.norm(np.ptp(mesh.positions, axis=0)))
     behind = mesh.positions - _THICKNESS * size * mesh.normals
     return replace(
@@ -57,7 +57,7 @@ def two_sided(mesh: Mesh) -> Mesh:
 
 
 def open_edges(mesh: Mesh) -> int:
-    """Edges that belong to one triangle alone; vertices at the same place count as one."""
+    """Count the edges of only one triangle; vertices at the same position count as one."""
     _, place = np.unique(mesh.positions, axis=0, return_inverse=True)
     corners = place.reshape(-1)[mesh.triangles]
     edges = np.sort(np.concatenate([corners[:, [k, (k + 1) % 3]] for k in range(3)]), axis=1)

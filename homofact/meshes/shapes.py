@@ -1,4 +1,4 @@
-"""Meshes that are computed: a sphere, a torus knot, a plane for the ground."""
+"""Generate meshes: a sphere, a torus knot, and a ground plane."""
 
 import math
 
@@ -11,7 +11,7 @@ NEAR = 4.0
 
 
 def sphere(rings: int = 32) -> Mesh:
-    """Return the unit sphere by `rings` bands of latitude and twice as many of longitude, y up."""
+    """Return the unit sphere, y up, with `rings` bands of latitude and twice as many of longitude."""
     _at_least("rings", rings, 3)
     theta = np.linspace(0, math.pi, rings + 1)[:, None]
     phi = np.linspace(0, 2 * math.pi, 2 * rings + 1)[None]
@@ -21,7 +21,7 @@ def sphere(rings: int = 32) -> Mesh:
 
 
 def torus_knot(around: int = 192, across: int = 24, p: int = 2, q: int = 3, thickness: float = 0.28) -> Mesh:
-    """A tube along the torus knot (p, q), within the unit sphere: it throws shadows on itself from everywhere."""
+    """Return a tube along the torus knot (p, q) in the unit sphere; it shadows itself under light from any side."""
     _at_least("around", around, 8)
     _at_least("across", across, 3)
     t = np.linspace(0, 2 * math.pi, around + 1)
@@ -48,7 +48,8 @@ def torus_knot(around: int = 192, across: int = 24, p: int = 2, q: int = 3, thic
 def ground(half: float = 2.0, height: float = 0.0, steps: int = 64) -> Mesh:
     """Return a square plane at y = `height`, 2·`half` across, of steps × steps squares, facing +y.
 
-    The squares of a plane that reaches beyond `NEAR` are smaller in the middle, as they were if it reached half as far.
+    If `half` exceeds `NEAR`, the squares are smaller in the middle: their size there is that of a plane with `half` =
+    `NEAR` / 2.
     """
     _at_least("steps", steps, 1)
     if not half > 0:
@@ -63,7 +64,7 @@ def ground(half: float = 2.0, height: float = 0.0, steps: int = 64) -> Mesh:
 
 
 def _closed(points: np.ndarray, normals: np.ndarray, name: str) -> Mesh:
-    """A grid of points whose last row and column lie on its first; triangles without area are left out."""
+    """Return the mesh of a grid whose last row and column may repeat the first, without zero-area triangles."""
     rows, columns = points.shape[0] - 1, points.shape[1] - 1
     triangles = _grid(rows, columns)
     flat, directions = points.reshape(-1, 3), normals.reshape(-1, 3)
@@ -79,7 +80,7 @@ def _closed(points: np.ndarray, normals: np.ndarray, name: str) -> Mesh:
 
 
 def _grid(rows: int, columns: int) -> np.ndarray:
-    """Two triangles (T, 3) for each square of (rows + 1) × (columns + 1) points."""
+    """Return two triangles for each square of a grid of (rows + 1) × (columns + 1) points, (T, 3)."""
     corner = np.arange(rows)[:, None] * (columns + 1) + np.arange(columns)
     a, b, c, d = corner, corner + columns + 1, corner + columns + 2, corner + 1
     # x along the rows, z along the columns: counter-clockwise from above is a, d, c.

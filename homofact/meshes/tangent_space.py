@@ -1,10 +1,11 @@
-"""The tangents at the vertices of a mesh with texture coordinates, which normal maps are relative to.
+"""Compute the tangents at the vertices of a mesh with texture coordinates, as normal maps need them.
 
-As MikkTSpace has them (Mikkelsen 2008, Simulation of wrinkled surfaces revisited): the directions of growing u of the
-triangles at a vertex, each made perpendicular to its normal, are added up by the angles of their corners. Vertices at
-the same place with the same normal and coordinates share them. Where triangles of both handedness meet, as along the
-middle of mirrored coordinates, the vertex is there twice. The binormal is n × t times the sign, towards smaller v: glTF
-counts v downwards, and the green of its normal maps points upwards.
+The tangents follow MikkTSpace (Mikkelsen 2008, Simulation of wrinkled surfaces revisited). At each vertex, the
+directions of increasing u of its triangles are projected perpendicular to the normal and summed, weighted by the corner
+angles. Vertices with the same position, normal and texture coordinates share one tangent. Where triangles of both
+handedness meet, e.g. along the centre line of mirrored coordinates, the vertex is duplicated. The binormal is n × t
+times the sign. It points towards smaller v, because glTF counts v downwards and the green channel of its normal maps
+points upwards.
 """
 
 from dataclasses import replace
@@ -16,9 +17,9 @@ from homofact.meshes.tangents import frames
 
 
 def with_tangents(mesh: Mesh) -> Mesh:
-    """Return the mesh with `tangents` (V, 4): its own where all are usable, else those of its texture coordinates.
+    """Return the mesh with `tangents` (V, 4): its own if all are valid, else tangents from texture coordinates.
 
-    A mesh without coordinates keeps none.
+    A mesh without texture coordinates is returned unchanged.
     """
     if mesh.uv is None:
         return mesh
@@ -27,7 +28,7 @@ def with_tangents(mesh: Mesh) -> Mesh:
 
 
 def _usable(tangents: np.ndarray, normals: np.ndarray) -> np.ndarray | None:
-    """Tangents (V, 4) made perpendicular to the normals and of length 1; None where one is no tangent."""
+    """Return unit tangents (V, 4) perpendicular to the normals; None if one tangent is invalid."""
     if tangents.shape != (len(normals), 4) or not np.isfinite(tangents).all() or (np.abs(tangents[:, :3]) > 1e9).any():
         return None
     across = tangents[:, :3] - (tangents[:, :3] * normals).sum(1, keepdims=True) * normals
@@ -71,7 +72,7 @@ def _derived(mesh: Mesh) -> Mesh:
 
 
 def _growing(positions: np.ndarray, uv: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(unit directions (T, 3) of growing u; the handedness (T,), 1 or −1): 0 where a triangle has neither."""
+    """Return unit directions (T, 3) of increasing u, and handedness (T,) 1 or −1; both 0 for degenerate triangles."""
     a, b = (positions[triangles[:, k]] - positions[triangles[:, 0]] for k in (1, 2))
     p, q = (uv[triangles[:, k]] - uv[triangles[:, 0]] for k in (1, 2))
     area = p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]
@@ -82,7 +83,7 @@ def _growing(positions: np.ndarray, uv: np.ndarray, triangles: np.ndarray) -> tu
 
 
 def _angles(positions: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Angles (T, 3) of the corners of triangles, in radians."""
+    """Return the corner angles (T, 3) of triangles, in radians."""
     found = []
     for k in range(3):
         edges = [positions[triangles[:, (k + step) % 3]] - positions[triangles[:, k]] for step in (1, 2)]

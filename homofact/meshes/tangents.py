@@ -1,17 +1,17 @@
-"""Surface frames at the vertices of a mesh that carries no tangents of its own.
+"""Compute surface frames at the vertices of a mesh without tangents.
 
-Wang, Tran and Luebke (2004, section 3.2) take the tangent from the normal by stereographic projection of the unit
-sphere from (0, −1, 0), which is singular in that one direction where longitude and latitude are in two:
-s = norm((n_y + 1)² + n_z² − n_x², −2 (n_y + 1) n_x, −2 n_x n_z), t = n × s.
+Wang, Tran and Luebke (2004, section 3.2) compute the tangent from the normal by stereographic projection of the unit
+sphere from (0, −1, 0). This field is singular in one direction; longitude and latitude would be singular in two: s =
+norm((n_y + 1)² + n_z² − n_x², −2 (n_y + 1) n_x, −2 n_x n_z), t = n × s.
 """
 
 import numpy as np
 
 
 def frames(normals: np.ndarray) -> np.ndarray:
-    """Rows tangent, binormal, normal (V, 3, 3) of unit normals (V, 3): frame @ w is w in the surface's coordinates.
+    """Return frames (V, 3, 3) of unit normals (V, 3), rows tangent, binormal, normal: frame @ w is w in local axes.
 
-    At (0, −1, 0), where the formula has no value, the tangent is x.
+    At (0, −1, 0), where the formula is singular, the tangent is the x axis.
     """
     x, y, z = np.asarray(normals, np.float64).T
     tangent = np.stack(((y + 1) ** 2 + z**2 - x**2, -2 * (y + 1) * x, -2 * x * z), 1)

@@ -1,4 +1,4 @@
-"""Texture coordinates that glTF's extension KHR_texture_transform scales, turns and moves."""
+"""Apply glTF's extension KHR_texture_transform: scale, rotate and translate texture coordinates."""
 
 import math
 from dataclasses import dataclass
@@ -14,14 +14,14 @@ _MOST = 1e6  # of a number: more leaves no digits for the place in a texel
 
 @dataclass(frozen=True)
 class TextureTransform:
-    """(u, v) ↦ offset + R scale (u, v), v downwards, where R turns by `rotation` radians, anticlockwise as seen.
+    """(u, v) ↦ offset + R scale (u, v), v downwards; R rotates by `rotation` radians, anticlockwise as displayed.
 
     The extension composes translation · rotation · scale, and rotates "the UVs counter-clockwise around the origin".
     (1, 0) therefore goes to (cos, −sin), as in three.js; the GLSL in the extension's README turns the other way.
 
     Parameters
     ----------
-    offset : of the origin, as a part of the texture's width and height.
+    offset : translation of the origin, in units of the texture's width and height.
     rotation : in radians.
     scale : of u and of v.
 
@@ -37,9 +37,10 @@ class TextureTransform:
 
     @classmethod
     def of(cls, info: Any, where: str) -> "TextureTransform":
-        """Return the transform of a textureInfo of a glTF file, whatever is in it; that of none changes nothing.
+        """Return the transform of a glTF textureInfo; without the extension, it is the identity.
 
-        Raises BadInput for what is no number, or no two of them, and for numbers above a million.
+        Raises BadInput if the rotation is not a number, if offset or scale are not two numbers, or if a number exceeds
+        a million.
         """
         extensions = info.get("extensions") if isinstance(info, dict) else None
         given = extensions.get(NAME) if isinstance(extensions, dict) else None
@@ -50,14 +51,14 @@ class TextureTransform:
         return cls(offset, rotation, scale)
 
     def applied(self, uv: np.ndarray) -> np.ndarray:
-        """Return the coordinates (V, 2) that the texture is read at."""
+        """Return the coordinates (V, 2) at which to read the texture."""
         cosine, sine = math.cos(self.rotation), math.sin(self.rotation)
         turn = np.array([[cosine, sine], [-sine, cosine]])
         return (uv * self.scale) @ turn.T + self.offset
 
 
 def coordinate_set(info: Any) -> Any:
-    """Return which TEXCOORD_n a textureInfo of a glTF file reads: the `texCoord` of its transform, else its own.
+    """Return n of the TEXCOORD_n that a glTF textureInfo reads: `texCoord` of its transform, else its own.
 
     Examples
     --------

@@ -9,10 +9,10 @@ import numpy as np
 
 
 def wound_alike(positions: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, int]:
-    """Return (the triangles (T, 3), those of a part that disagree with most of it turned; how many were turned).
+    """Return triangles (T, 3), flipping in each part those that disagree with most others, and the flip count.
 
-    A closed part that had any is wound outward as a whole. Edges of more than two triangles, and parts with one side
-    only, are left alone. Vertices at the same place count as one.
+    A closed part with flipped triangles is then wound outward as a whole. Edges of more than two triangles are ignored,
+    and one-sided parts do not change. Vertices at the same position count as one.
     """
     count = len(triangles)
     first, second, alike = _neighbours(positions, triangles)
@@ -45,7 +45,7 @@ def wound_alike(positions: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarra
 
 
 def _neighbours(positions: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(E,) pairs of triangles that alone share an edge, and whether they agree."""
+    """Return (E,) pairs of triangles that share an edge with no third one, and whether they agree."""
     place = np.unique(positions, axis=0, return_inverse=True)[1].reshape(-1)
     corners = place[triangles]
     start, end = corners.T.ravel(), np.roll(corners, -1, 1).T.ravel()

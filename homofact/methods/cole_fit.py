@@ -64,7 +64,7 @@ def fit_cole(samples: Samples, settings: Cole, progress: ProgressCallback | None
 
 @one_thread
 def _fit_terms(samples: Samples, settings: Cole, progress: ProgressCallback | None) -> MethodFit:
-    """The fit with texels of any value."""
+    """Return the fit with unquantized texels."""
     began = time.perf_counter()
     deadline = math.inf if settings.budget is None else began + settings.budget
     provenance = provenance_of(samples, settings)
@@ -102,7 +102,7 @@ def _fit_terms(samples: Samples, settings: Cole, progress: ProgressCallback | No
 
 
 def _ending(searched: SearchedTerms, solved: Solved, settings: Cole) -> tuple[Status, tuple[str, ...]]:
-    """How the fit ended, and what its user should know of that."""
+    """Return the status of the fit, and notes for the user."""
     if searched.interrupted:
         return Status.INTERRUPTED, ()
     kept, ended = len(searched.projections), {report.status for report in searched.reports}

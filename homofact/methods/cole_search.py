@@ -43,7 +43,7 @@ class SearchedTerms:
 
 @dataclass(frozen=True)
 class _Step:
-    """Where a search stands after a term: all up to it, the generator's state, and the seconds of all of it."""
+    """The state of a search after a term: results so far, the generator's state, and the seconds so far."""
 
     chosen: tuple[Projection, ...] = ()
     terms: tuple[Term, ...] = ()
@@ -103,7 +103,7 @@ def search_key(settings: Cole) -> str:
 
 
 def _steps_of(samples: LogSamples, settings: Cole) -> list[_Step]:
-    """The steps that are known of this search, to which new ones are added; under a guard none are."""
+    """Return the cached steps of this search as a list to extend; without a cache if the time is limited."""
     if settings.budget is not None:
         return []
     digest = hashlib.sha256(search_key(settings).encode())
@@ -129,7 +129,7 @@ def _search_term(
     deadline: float,
     progress: ProgressCallback | None,
 ) -> tuple[Projection, list[Report]]:
-    """The best projection of one more term, over all restarts or until `deadline`, with `earlier` solved beside it."""
+    """Return the best projection of one more term over all restarts or until `deadline`; re-solve `earlier` terms."""
 
     def projection(rotation: Rotation) -> Projection:
         return Projection.from_rotation(settings.coordinates, rotation, settings.reciprocal, bound=settings.bound)

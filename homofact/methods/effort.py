@@ -63,7 +63,7 @@ class FitBudget:
     """
 
     def __init__(self, granted: float = math.inf, deadline: float = math.inf) -> None:
-        """`granted` units, until `deadline` on the clock of time.perf_counter."""
+        """Create a budget of `granted` units of work, valid until `deadline` on the clock of time.perf_counter."""
         self.granted, self.deadline = granted, deadline
         self.spent = 0.0
         self.evaluations = 0

@@ -66,7 +66,7 @@ class Judging(ABC):
         budget: FitBudget,
         folds: int | None,
     ) -> tuple[tuple[float, ...], float]:
-        """No step is begun once the budget is spent; the start itself is always judged."""
+        """Descend from `start`; begin no step after the budget is spent, but always evaluate the start."""
 
         def judged(smoothing: tuple[float, ...]) -> float:
             budget.spend(self.solves(folds) * cost_of_solve(self.unknowns))

@@ -57,9 +57,9 @@ def at_full_size(
 def _refined(
     task: SearchTask, outcome: SearchOutcome, shapes: tuple[Shape, ...], smoothing: tuple[float, ...], budget: FitBudget
 ) -> SearchOutcome:
-    """The outcome with its projections moved once more, on all samples.
+    """Refine the projections of the outcome once more, on all samples.
 
-    Where an evaluation at full size is too dear, with textures of the search's size.
+    If evaluations at full size cost too much, the refinement uses textures of the search's size.
     """
     mix, settings, full = outcome.mix, task.settings, task.full
     cost = _cost(full, mix, shapes)
@@ -81,12 +81,12 @@ def _refined(
 
 
 def _dense(shapes: tuple[Shape, ...]) -> bool:
-    """Whether textures of these shapes make a dense system."""
+    """Return whether textures of these shapes lead to a dense linear system."""
     return is_dense(sum(rows * columns for rows, columns in shapes))
 
 
 def _smoothed(mix: Mix, material: Materials, shapes: tuple[Shape, ...], budget: FitBudget) -> Mix:
-    """The mix with the best λ for one material at full size, from the mix's own on."""
+    """Return the mix with the best λ for one material at full size, starting from the mix's own λ."""
     texels = sum(rows * columns for rows, columns in shapes)
     partitions = material.materials[0].partitions
     # Every λ is asked about at least twice: with all folds where that can be paid for, else with one.
@@ -101,6 +101,6 @@ def _smoothed(mix: Mix, material: Materials, shapes: tuple[Shape, ...], budget: 
 
 
 def _cost(materials: Materials, mix: Mix, shapes: tuple[Shape, ...]) -> float:
-    """Units of one evaluation of a mix on these materials with textures of these shapes."""
+    """Return the cost, in budget units, of one evaluation of a mix with textures of these shapes."""
     texels = sum(rows * columns for rows, columns in shapes)
     return materials.cost(sum(projection.lookups for projection in mix.projections), texels)

@@ -20,7 +20,7 @@ def finished(trials: Trials, looked: list[Mix]) -> Mix:
 
 
 def _moved(trials: Trials, mix: Mix) -> tuple[Mix, FitBudget]:
-    """The mix after a short descent, judged on one fold at the search's own size."""
+    """Return the mix after a short descent, evaluated on one fold at the size of the search."""
     budget = trials.budget.beside()
     if is_movable(mix):
         (_, mix), more = trials.descended(mix, None, STEPS, DESCENTS)

@@ -35,7 +35,7 @@ def fit_mccool(samples: Samples, settings: McCool, progress: ProgressCallback | 
 
 @one_thread
 def _fit_textures(samples: Samples, settings: McCool) -> MethodFit:
-    """The fit with texels of any value."""
+    """Return the fit with unquantized texels."""
     began = time.perf_counter()
     provenance = provenance_of(samples, settings)
     samples, taken = trusted_samples(samples, settings)

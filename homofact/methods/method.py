@@ -88,7 +88,7 @@ class Method(ABC):
 
 
 def _check_spectrum(channels: tuple[str, ...]) -> None:
-    """Raise BadInput for channels that no spectral basis is for, saying what is possible."""
+    """Raise BadInput for channels without a spectral basis, with advice on what to do."""
     from homofact.brdf.wavelengths import wavelengths_of
     from homofact.factor.spectral_fit import bands_of
 

@@ -10,7 +10,7 @@ from homofact.settings.options import option
 
 
 class _Model(Method):
-    """What the models have in common: no texels."""
+    """Base class of the models, which have no texels."""
 
     implementation: ClassVar[str] = "homofact.methods.model_fits:fit_model"
     size = 0

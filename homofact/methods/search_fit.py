@@ -96,13 +96,13 @@ def trials_of(samples: Samples, settings: Search) -> Trials:
 
 
 def _searched(task: SearchTask, budget: FitBudget, progress: ProgressCallback | None) -> SearchOutcome:
-    """The best mixes of the drawn samples on small textures."""
+    """Search for the best mixes of the drawn samples, on small textures."""
     search = StructureSearch(task.drawn, task.structure, budget, _reporting(progress, task.settings))
     return search.run(task.settings.most_textures, task.candidates)
 
 
 def _reporting(progress: ProgressCallback | None, settings: Search) -> Callable[[int, int, float], None]:
-    """What a structure search calls, handing on to `progress`."""
+    """Return the callback of a structure search, which forwards to `progress`."""
 
     def report(term: int, evaluations: int, best: float) -> None:
         if progress is not None:
@@ -112,7 +112,7 @@ def _reporting(progress: ProgressCallback | None, settings: Search) -> Callable[
 
 
 def _laid_out(task: SearchTask, outcome: SearchOutcome, budget: FitBudget) -> tuple[SearchOutcome, tuple[Shape, ...]]:
-    """The outcome with its textures' shapes; where bytes are given, with the mix that they are best spent on."""
+    """Return the outcome and the textures' shapes; a byte budget also selects the mix that uses it best."""
     if task.sizes.texels is None:
         return outcome, tuple(texture_shape(projection, task.sizes.side) for projection in outcome.mix.projections)
     layouts = FitBudget(task.granted, task.deadline)
@@ -137,7 +137,7 @@ def _fit(
     effort: dict[str, float],
     began: float,
 ) -> MethodFit:
-    """The fit of one of the materials: its texels for the projections of `mix`, with its report."""
+    """Fit one of the materials: solve for its texels with the projections of `mix`, and write its report."""
     settings, material = task.settings, task.materials[number]
     smoothing, measured = mix.smoothing, material.data.measured
     if material.data.logs.clipped is not None:
@@ -177,7 +177,7 @@ def _fit(
 def _solved(
     material: FittedMaterial, mix: Mix, smoothing: tuple[float, ...], settings: Search, shapes: tuple[Shape, ...]
 ) -> tuple[Solved, tuple[Term, ...], dict[str, float] | None]:
-    """(the linear solve, the terms, how the light was kept): solved again where they exceed what is known beyond."""
+    """Return the solve, the terms and the light record; re-solve with more samples where the fit is too bright."""
     data, transform, attempt, ridge = material.data, material.transform, 0, RELATIVE_RIDGE
     measured = scheme_of(material.given) is None
 
@@ -201,11 +201,11 @@ def _solved(
 
 
 def _cancel(terms: tuple[Term, ...], samples: LogSamples) -> bool:
-    """Whether texels of a texture span far more than the samples' logarithms."""
+    """Return whether a texture's texels span a far larger range than the samples' logarithms."""
     spans = [float((own.amax(0) - own.amin(0)).max()) for own in (term.texture[term.mask] for term in terms)]
     return max(spans) > _CANCELLING * float((samples.logs.amax(0) - samples.logs.amin(0)).max())
 
 
 def _misfit(samples: LogSamples, terms: tuple[Term, ...]) -> float:
-    """The weighted sum of squared log residuals."""
+    """Return the weighted sum of squared log residuals."""
     return float((samples.weights[:, None] * residual(samples, terms).square()).sum())

@@ -131,7 +131,7 @@ class SearchTask:
 
 
 def _check_samples(several: Sequence[Samples], settings: Search) -> None:
-    """Raise BadInput for materials of different channels, for too few samples, and for a basis of several."""
+    """Raise BadInput for materials of different channels, too few samples, or a spectral basis of several materials."""
     channels = several[0].channels
     if len(several) > 1 and settings.spectral_tolerance is not None:
         raise BadInput(where="spectral_tolerance", found=f"it for {len(several)} materials", expected="one material")
@@ -148,7 +148,7 @@ def _check_samples(several: Sequence[Samples], settings: Search) -> None:
 def _prepared(
     several: Sequence[Samples], settings: Search, sizes: TextureSizes, candidates: tuple[tuple[str, ...], ...]
 ) -> tuple[FittedMaterial, ...]:
-    """The materials without outliers, in logarithms. Raises BadInput where the fit exceeds the machine's memory."""
+    """Return the materials' logarithms without outliers. Raises BadInput if the fit exceeds the memory."""
     trusted = [trusted_samples(samples, settings) for samples in several]
     textures = settings.most_textures
     searched = max(textures * sizes.coarse**2, len(candidates[0]) * (sizes.coarse // 2) ** 2)

@@ -40,7 +40,7 @@ _FILLED_WEIGHT = 1e-2
 
 @dataclass(frozen=True)
 class _DecomposedTerms:
-    """A separable sum without its textures' maker: `terms`, and how the decomposition ended."""
+    """The result of a decomposition: the `terms` of a separable sum, its status, and its iterations."""
 
     terms: tuple[SeparableTerm, ...]
     status: Status
@@ -50,10 +50,11 @@ class _DecomposedTerms:
 def _svd_terms(
     matrix: BrdfMatrix, count: int, decomposition: str, generator: torch.Generator, weighted: bool
 ) -> _DecomposedTerms:
-    """`count` terms of a matrix M by the decomposition's name, each channel by itself.
+    """Return `count` terms of a matrix M by a named decomposition, each channel separately.
 
-    `weighted`: that of √wi Mij √wj is taken and its factors divided by √w, w the texels' projected solid
-    angles. Entries without a value are imputed from the terms themselves. Raises BadInput for an unknown decomposition.
+    If `weighted`, √wi Mij √wj is decomposed and its factors are divided by √w, where w are the projected solid angles
+    of the texels. Missing entries are imputed from the terms themselves, except by the decomposition `normalized`.
+    Raises BadInput for an unknown decomposition.
     """
     roots = matrix.weights.sqrt() if weighted else torch.ones_like(matrix.weights)
 
@@ -87,9 +88,9 @@ def _svd_terms(
 
 
 def _nmf_terms(matrix: BrdfMatrix, count: int) -> _DecomposedTerms:
-    """`count` non-negative terms of a matrix, weighted as above, each channel by itself.
+    """Return `count` non-negative terms of a matrix, weighted by solid angles, each channel separately.
 
-    What is under the horizon hardly weighs.
+    Entries below the horizon have a small weight.
     """
     weights = torch.outer(matrix.weights, matrix.weights) * torch.where(matrix.valid, 1.0, _FILLED_WEIGHT)
     factored = [nmf(matrix.values[..., c].contiguous(), count, weights) for c in range(matrix.values.shape[2])]
@@ -210,7 +211,7 @@ def _separable(
 
 
 def _terms(matrix: BrdfMatrix, factored: list[Factors]) -> tuple[SeparableTerm, ...]:
-    """The channels' factors as textures; a channel that has fewer terms than another is 0 in the rest."""
+    """Return the channels' factors as textures; missing terms of a channel are 0."""
     count = max(channel.left.shape[1] for channel in factored)
 
     def texture(factors: list[Tensor], k: int) -> Tensor:

@@ -102,13 +102,14 @@ class SmoothingFor:
     """Converts the λ of a mix to textures of other shapes, and to more samples."""
 
     def __init__(self, coarse: int, fewer: float, given: float | None) -> None:
-        """λ was found, unless it was `given`, on textures of `coarse`² and a share `fewer` of the samples."""
+        """Store how λ was found: on textures of `coarse`² with a share `fewer` of the samples, or `given`."""
         self.coarse, self._fewer, self._given = coarse, fewer, given
 
     def __call__(self, mix: Mix, shapes: tuple[Shape, ...]) -> tuple[float, ...]:
-        """Second differences of a smooth function fall with the square of the texels' distance h.
+        """Return λ per texture, scaled with the fourth power of the textures' sides.
 
-        λ is in units of samples per texel: λ Σw h² Σ (h² y″)² is the same penalty on the function if λ h⁴ is the same.
+        Second differences of a smooth function decrease with the square of the texel distance h. λ is in units of
+        samples per texel, so λ Σw h² Σ (h² y″)² penalizes the function equally if λ h⁴ is constant.
         """
         fewer = self._fewer if self._given is None else 1.0
         return tuple(
@@ -133,7 +134,7 @@ class SizedMix:
 
 
 class _Judge:
-    """The left-out errors of mixes with textures of given shapes, and what a gain in them is worth."""
+    """Measures cross-validation errors of mixes for texture shapes; sets the least gain worth a fetch or a move."""
 
     def __init__(self, materials: Materials, smoothing_for: SmoothingFor, budget: FitBudget, few: bool) -> None:
         self._materials, self._smoothing_for, self.budget = materials, smoothing_for, budget
@@ -142,7 +143,7 @@ class _Judge:
         self.worth_a_move = _WORTH_A_MOVE_OF_FEW if few else _WORTH_A_MOVE
 
     def error(self, mix: Mix, shapes: tuple[Shape, ...]) -> float:
-        """Return the error on the folds that are left out of each partition: on one, or of few samples on all."""
+        """Return the error on held-out folds of each partition: on one fold, or on all folds if samples are few."""
         folded = self._materials.folded(mix.projections, shapes, self._folds)
         lookups = sum(projection.lookups for projection in mix.projections)
         self.budget.spend(self._materials.cost(lookups, folded.unknowns))

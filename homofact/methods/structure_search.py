@@ -79,7 +79,7 @@ class StructureSearch:
         budget: FitBudget,
         progress: Callable[[int, int, float], None] | None = None,
     ) -> None:
-        """`progress` is called with (textures, evaluations, best validation error) after every group of trials."""
+        """Set up a search that calls `progress` with (textures, evaluations, best error) after each group of trials."""
         self._materials, self._settings, self._progress = materials, settings, progress
         self._budget = budget
         self._trials = Trials(materials, settings, budget)
@@ -170,9 +170,9 @@ class StructureSearch:
                 break
 
     def _known_mixes(self, kinds: tuple[str, ...], count: int) -> list[Mix]:
-        """The known mixes of `count` textures, looked at, best first; none where none is known.
+        """Return the known mixes of `count` textures after a quick evaluation, best first; may be empty.
 
-        Of one texture every fixed kind is looked at as well, for materials that are simpler than most.
+        For one texture, every fixed kind is evaluated too, because some materials are simpler than most.
         """
         mixes = self._settings.known.of(count, kinds, self._reciprocal, self._settings.bound)
         if count == 1 and mixes:
@@ -180,7 +180,7 @@ class StructureSearch:
         return looked_at(self._trials, mixes)
 
     def _finished(self, looked: list[Mix], last: bool) -> Mix:
-        """The best of known mixes, as good as it gets where textures end with its number, or just judged."""
+        """Return the best known mix: fully optimized if the search ends at its size, otherwise only evaluated."""
         if last or self._settings.every_level:
             mix = finished(self._trials, looked)
         else:
@@ -189,11 +189,11 @@ class StructureSearch:
         return mix
 
     def _better_free(self, best: Mix, fixed: tuple[str, ...], look: Callable[[Mix], tuple[Mix, FitBudget]]) -> bool:
-        """Whether mixes are worth having without reciprocity; from there on it is given up.
+        """Return whether non-reciprocal mixes are clearly better; if so, stop requiring reciprocity.
 
-        The best mix is judged by `look` both ways with one texture more that could tell light from viewer: without it a
-        mix may be blind to what it would gain, and fixed kinds show it before anything has been spent on searched ones.
-        Mixes without reciprocity are to be chosen anew.
+        `look` evaluates the best mix with and without reciprocity, with one more texture that can distinguish light
+        from viewer. Without such a texture, a mix might not show the gain. Fixed kinds show it before the search spends
+        effort on searched ones. The caller has to choose the non-reciprocal mixes again.
         """
         more = [name for name in _TELLING if name in fixed and name not in best.kinds]
 
@@ -222,7 +222,7 @@ class StructureSearch:
         return self._trials.judge(mix, scale_of(mix.smoothing))
 
     def _run_pinned(self, kinds: tuple[str, ...]) -> None:
-        """Textures of given kinds, one after another; the best of their starts and warps goes on."""
+        """Add textures of given kinds one by one, each time keeping the best of several starts and warps."""
         mix = EMPTY
         whole = self._budget.left
         for count, kind in enumerate(kinds, 1):
@@ -237,7 +237,7 @@ class StructureSearch:
             self._tell(count, mix.error)
 
     def _warps(self, base: Mix, kind: str) -> list[Warp | None]:
-        """The warps to try with one more texture: the mix's own where it has one."""
+        """Return the warps to try with one more texture; only the mix's own warp if it has one."""
         if base.warp is not None or not takes_warp(kind):
             return [base.warp]
         return [None, *(Warp(width) for width in WARP_WIDTHS)]
@@ -245,9 +245,9 @@ class StructureSearch:
     # Fixed projections.
 
     def _fixed_mixes(self, fixed: tuple[str, ...], count: int, again: bool = False) -> list[Mix]:
-        """The best mixes of `count` fixed kinds, judged in full; none where there are too few kinds.
+        """Return the best mixes of `count` fixed kinds, fully evaluated; empty if there are too few kinds.
 
-        Over all warps, or `again` and for many textures over the best.
+        It tries all warps; for many textures, or `again`, only the best warps.
         """
         warps: list[Warp | None] = [None, *(Warp(width) for width in WARP_WIDTHS)]
         if count > _ALL_WARPS_UP_TO or again:
@@ -285,7 +285,7 @@ class StructureSearch:
         return mixes
 
     def _make_banks(self, fixed: tuple[str, ...], warps: list[Warp | None]) -> None:
-        """All fixed kinds accumulated together for the first look, warp by warp."""
+        """Accumulate the linear systems of all fixed kinds for the first quick evaluation, warp by warp."""
         wanted = [warp for warp in warps if warp not in self._banks]
 
         def made(warp: Warp | None) -> tuple[Banks, FitBudget]:
@@ -301,7 +301,7 @@ class StructureSearch:
     def _settled(
         self, fixed: tuple[str, ...], trial: tuple[tuple[int, ...], Warp | None], smoothing: float, separately: bool
     ) -> tuple[Mix, FitBudget]:
-        """A fixed mix at the search's own size, with one λ for all of its textures, or one for each, `separately`."""
+        """Return a fixed mix at the search's size, with one λ for all textures, or one per texture if `separately`."""
         budget = self._budget.beside()
         chosen, warp = trial
         projections = tuple(self._banks[warp].projections[j] for j in chosen)
@@ -312,7 +312,7 @@ class StructureSearch:
     # Searched projections.
 
     def _starts(self, judged: list[Mix], before: Mix, fixed: tuple[str, ...], searched: tuple[str, ...]) -> list[Mix]:
-        """What the searched projections of one more texture start from, the likeliest first."""
+        """Return starting mixes for the search of one more texture, the most promising first."""
         starts = [loose for mix in judged for loose in [with_all_loose(mix)] if loose is not None]
         warp = before.warp if before.kinds else (judged[0].warp if judged else None)
         movable = any(projection.rotation is not None for projection in before.projections)
@@ -326,7 +326,7 @@ class StructureSearch:
         return starts
 
     def _searched_starts(self, kind: str, warp: Warp | None, random: int) -> list[Projection]:
-        """Rotations of a searched kind: those that its fixed relatives stand at, and `random` ones."""
+        """Return starts of a searched kind: the rotations of related fixed kinds, and `random` random ones."""
         own = warp if takes_warp(kind) else None
         placed = [loosened(self._make(name, own)) for name in relatives(kind)]
         starts = [projection for projection in placed if projection is not None]
@@ -351,7 +351,7 @@ class StructureSearch:
     # Keeping count.
 
     def _offer(self, mix: Mix) -> None:
-        """Take `mix` where it is enough better than the best of no more textures: each one more has to earn it."""
+        """Accept `mix` if it is sufficiently better than the best mix; each added texture has to lower the error."""
         more = max(len(mix.kinds) - len(self._best.kinds), 1)
         if mix.error < ENOUGH**more * self._best.error:
             self._best = mix

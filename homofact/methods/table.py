@@ -130,7 +130,7 @@ def bytes_to_fill(method: Method) -> int | None:
 
 
 def _size_within(count: int, method: Method) -> int:
-    """The largest size at which all textures of a method are within so many bytes."""
+    """Return the largest texture size at which all textures of a method fit into `count` bytes."""
     return math.isqrt(count // (_RGB_TEXEL * method.stored_textures))
 
 

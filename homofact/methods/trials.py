@@ -52,7 +52,7 @@ class Trials:
     """The data for trying mixes, and the budget for this work."""
 
     def __init__(self, materials: Materials, settings: StructureSettings, budget: FitBudget) -> None:
-        """Nothing is tried yet."""
+        """Create trials without results."""
         self.materials, self.settings, self.budget = materials, settings, budget
 
     def cost(self, mix: Mix, share: float = 1.0) -> float:

@@ -59,9 +59,9 @@ def partitions_of(samples: Samples, folds: int, seed: int, *, rings: bool) -> tu
 
 
 def _rings(direction: Tensor) -> Tensor | None:
-    """Folds (N,) from 0 of the inner rings of one direction's θ, neighbours apart.
+    """Return fold numbers (N,) of the inner rings of a direction's θ; neighbouring rings get different folds.
 
-    None where it does not lie on rings.
+    Samples on the first and last rings get −1. Returns None if θ does not lie on rings.
     """
     numbers = ring_numbers(direction)
     if numbers is None:

@@ -88,14 +88,14 @@ class PlanClock:
         self._say(words, 0)
 
     def _settle(self) -> None:
-        """Learn how long the fit before has taken."""
+        """Record how long the previous fit took."""
         if self._asked is not None:
             modelled, begun = self._asked
             self._modelled, self._spent = self._modelled + modelled, self._spent + time.monotonic() - begun
             self._asked = None
 
     def _seconds(self, candidate: Candidate) -> float:
-        """Modelled seconds of a fit of the present material, and of its verdict where one follows at once."""
+        """Return the modelled seconds of a fit of the current material, including a verdict if one follows."""
         fits = self._fits
         if fits is None:
             return _UNREAD

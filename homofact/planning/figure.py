@@ -78,7 +78,7 @@ def plot_plan(path: str | os.PathLike[str], plan: ScenePlan) -> None:
 
 
 class _Spot(NamedTuple):
-    """One or several representations of a material that are of the same bytes and of an error within `_SAME`.
+    """One or several representations of a material with equal bytes and with errors that agree within `_SAME`.
 
     `allowed` tells whether one of them is within the scene's budget.
     """
@@ -95,9 +95,9 @@ class _Spot(NamedTuple):
 
 
 def _spots(plan: MaterialPlan) -> list[_Spot]:
-    """Return the points (bytes, error over tolerance) of the evaluated candidates that are near enough to be drawn.
+    """Return the points (bytes, error / tolerance) of evaluated candidates that are near enough to draw.
 
-    The choice leads its spot.
+    The choice is the first candidate of its spot.
     """
     asked = _near(plan)
     spots: list[_Spot] = []
@@ -114,13 +114,13 @@ def _spots(plan: MaterialPlan) -> list[_Spot]:
 
 
 def _near(plan: MaterialPlan) -> dict[Candidate, LadderOutcome]:
-    """The evaluated candidates, without those whose errors are infinite or beyond `_MOST`."""
+    """Return the evaluated candidates, except those with infinite errors or errors beyond `_MOST`."""
     most = _MOST * max(1.0, min((outcome.error for outcome in plan.walk.asked.values()), default=1.0))
     return {key: outcome for key, outcome in plan.walk.asked.items() if outcome.error <= most < math.inf}
 
 
 def _undercut(spots: Iterable[_Spot]) -> list[tuple[float, float]]:
-    """The places by rising bytes at which the error falls: none has a smaller one of no more bytes."""
+    """Return the Pareto-optimal points, sorted by bytes: no point with at most as many bytes has a smaller error."""
     kept: list[tuple[float, float]] = []
     for place in sorted(spot.place for spot in spots):
         if not kept or place[1] < kept[-1][1]:
@@ -167,7 +167,7 @@ def _asked(axes: Axes, distinct: tuple[MaterialPlan, ...], is_trusted: bool) -> 
 
 
 def _key(drawn: Iterable[tuple[str, bool]], crossed: bool) -> list[Line2D]:
-    """An entry for each marker that is drawn (kind, whether hollow), as it is drawn, the ring, the cross, the line."""
+    """Return legend entries for the drawn markers (kind, hollow), the ring, the cross and the line."""
     grey = "#444444"
     return [
         *(
@@ -184,10 +184,10 @@ def _key(drawn: Iterable[tuple[str, bool]], crossed: bool) -> list[Line2D]:
 
 
 def _name_points(figure: Figure, axes: Axes, distinct: tuple[MaterialPlan, ...]) -> None:
-    """Names beside the points, of choices always, of others where there is room.
+    """Write names beside the points: always for choices, and for other points if there is room.
 
-    Where there are many points, only the choice and the steps beside it are named, as the table has them. The key
-    explains the marker of one colour, so that several materials need no name there.
+    If there are many points, only the choice and its neighbours in the table are named. The key explains the marker of
+    the one-colour representation, so these points need no name if there are several materials.
     """
     named, paths, unnamed = list[PointLabel](), [[(x, 1.0) for x in axes.get_xlim()]], list[tuple[Place, float]]()
     few = sum(len(_spots(plan)) for plan in distinct) <= _MOST_NAMES
@@ -210,7 +210,7 @@ def _name_points(figure: Figure, axes: Axes, distinct: tuple[MaterialPlan, ...])
 
 
 def _bars(plan: MaterialPlan) -> list[tuple[str, float, float]]:
-    """(words, part of the limit used, and with the margin) by limit and lighting."""
+    """Return (words, used part of the limit, the same with its margin) for each limit and lighting."""
     bars = []
     for judge, errors in zip(plan.judges, plan.errors, strict=False):
         for kind, limit in plan.tolerance.limits:

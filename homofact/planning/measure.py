@@ -70,7 +70,7 @@ class RepresentationEvaluator:
 
     @cached_property
     def _drawn(self) -> list[Tensor]:
-        """The source's radiance at the nodes. Raises BadInput for what the source itself cannot be drawn with."""
+        """Return the source's radiance at the nodes. Raises BadInput if the source reflects none of the light."""
         drawn = self.stage.draw(self.source.reflectance)
         if not any(bool(radiance.any()) for radiance in drawn):
             what = f"{self.source.name} reflects none of {self.lighting.name}"
@@ -128,7 +128,7 @@ class RepresentationEvaluator:
         return self.transform.inverse((self.transform.forward(train.values) * weights[:, None]).sum(0))
 
     def _drawn_once(self, reflectance: Reflectance) -> list[Tensor]:
-        """As the stage draws: a walk judges a fit by what is limited, and a record of the choice by every kind."""
+        """Draw on the stage and cache the result: the search and the record measure the same fit."""
         # By identity, and held, so that no other fit comes to have it.
         known = self._fits_drawn
         if id(reflectance) not in known:
@@ -152,11 +152,11 @@ class RepresentationEvaluator:
 
     @cached_property
     def _study(self) -> SphereImage | None:
-        """The source under the study's light; None where it is known only at its samples."""
+        """Return the source's picture under the study's light; None if the source consists of samples."""
         return None if made_of_samples(self.source.reflectance) else study_picture(self.source.reflectance)
 
     def _under_study(self, reflectance: Reflectance, own: SphereImage) -> float:
-        """Mean CIEDE2000 under the study's light; infinite where the fit is not finite."""
+        """Return the mean CIEDE2000 under the study's light; infinite if the fit is not finite."""
         drawn = study_picture(reflectance)
         return study_difference(own, drawn) if bool(drawn.radiance.isfinite().all()) else math.inf
 
@@ -224,5 +224,5 @@ def quantile(values: Tensor, weights: Tensor, part: float) -> float:
 
 
 def _energy(radiance: Tensor, weights: Tensor) -> float:
-    """Σ B² over pixels and channels, each pixel by its share."""
+    """Return Σ B² over pixels and channels, each pixel weighted by its share."""
     return float((radiance**2 * weights[:, None]).sum())

@@ -77,14 +77,14 @@ def larger(plan: MaterialPlan) -> Neighbour | None:
 
 
 def _expected_above(plan: MaterialPlan) -> list[Neighbour]:
-    """The representations of at most `NEAR` times the bytes that were not measured, with their expected errors."""
+    """Return larger unmeasured representations within `NEAR` times the bytes, with expected errors."""
     asked, pool, channels = plan.walk.asked, _above(plan), len(plan.fits.source.samples.channels)
     errors = expected_errors(pool, asked) if pool else []
     return [Neighbour(rung, rung.most_bytes(channels), error, False) for rung, error in zip(pool, errors, strict=True)]
 
 
 def _above(plan: MaterialPlan) -> list[Candidate]:
-    """The representations of more, but at most `NEAR` times, the bytes of the choice that were not measured."""
+    """Return unmeasured representations with more bytes than the choice, but at most `NEAR` times as many."""
     chosen, channels = plan.outcome, len(plan.fits.source.samples.channels)
     assert chosen is not None
     return [
@@ -129,7 +129,7 @@ def _allowed(plan: MaterialPlan, answer: LadderOutcome) -> bool:
 
 
 def _may_be_allowed(plan: MaterialPlan, rung: Candidate) -> bool:
-    """Whether a representation is sure to be within the scene's budget: what is not is no step to take."""
+    """Return whether a representation certainly fits the scene's budget; otherwise it is not offered."""
     samples = plan.fits.source.samples
     return plan.budget.allows(rung.most_bytes(len(samples.channels)), rung.most_fetches(samples.isotropic))
 

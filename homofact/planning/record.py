@@ -86,12 +86,12 @@ def material_record(plan: MaterialPlan) -> dict[str, Any]:
 
 
 def _step(plan: MaterialPlan, one: Neighbour | None) -> dict[str, Any] | None:
-    """A representation beside the choice, with as many textures as its fit kept."""
+    """Return the record of a neighbour of the choice, with the textures that its fit kept."""
     return None if one is None else one.record() | asdict(plan.walk.kept(one.candidate))
 
 
 def _trusted(plan: MaterialPlan) -> bool | None:
-    """Whether the choice is trusted; None where nobody judged it."""
+    """Return whether the choice is trusted; None if it has no verdict."""
     if plan.verdict is not None:
         return plan.verdict.trusted
     if plan.outcome is None or (plan.outcome.trusted and not plan.tolerance.trusted):

@@ -50,7 +50,7 @@ _THE_REST = "what the other materials leave, in equal parts"
 
 @dataclass(frozen=True)
 class _MaterialKeys:
-    """What a material has in the file and in memory alike."""
+    """The keys of a material, both in the file and in memory."""
 
     source: str
     share: float | None = option(None, f"Part of the picture. Default: {_THE_REST}", above=0, most=1)
@@ -150,11 +150,11 @@ class _ToleranceTable:
 
     @property
     def limits(self) -> dict[str, float]:
-        """The limits that are given, by kind."""
+        """The given limits, by kind."""
         return {kind: limit for kind, limit in _given(self).items() if kind in KINDS}
 
     def tolerance(self) -> Tolerance:
-        """Return what the planner takes."""
+        """Return the tolerance for the planner."""
         return Tolerance.of(**self.limits, trusted=self.trusted)
 
 
@@ -165,7 +165,7 @@ class _MaterialTable(_MaterialKeys):
     tolerance: _ToleranceTable | None = None
 
     def material(self, folder: Path, place: str, share: float) -> SceneMaterial:
-        """Return the material, a file looked for in `folder`; `place` names it in messages. Raises BadInput."""
+        """Return the material, looking for its file in `folder`; `place` names it in messages. Raises BadInput."""
         own = None if self.tolerance is None else self.tolerance.tolerance()
         source = found_source(self.source, folder, f"{place}.source")
         check_no_fit(Path(source), f"{place}.source", f"a measurement or {MATERIAL_PREFIX}NAME")
@@ -184,7 +184,7 @@ class PlanSceneTable:
     name: str | None = option(None, "Name of the scene. Default: that of the file", expected_instead=a_name)
 
     def __post_init__(self) -> None:
-        """Refuse shares that do not add up to 1, names that do not tell two apart, and no lighting. Raises BadInput."""
+        """Reject shares that do not sum to 1, repeated names, and a missing lighting. Raises BadInput."""
         given = [each.share for each in self.material if each.share is not None]
         total = math.fsum(given)
         if len(given) < len(self.material):
@@ -251,5 +251,5 @@ def _lighting(table: _LightingTable, folder: Path) -> Lighting:
 
 
 def _given(table: "_LightingTable | _ToleranceTable") -> dict[str, Any]:
-    """Names and values of the keys that are given."""
+    """Return names and values of the given keys."""
     return {key.name: getattr(table, key.name) for key in fields(table) if getattr(table, key.name) is not None}

@@ -186,7 +186,7 @@ def _nearest(
     asked: Mapping[Candidate, LadderOutcome],
     cost: Callable[[Candidate], tuple[float, float, float]],
 ) -> Candidate | None:
-    """The cheapest of the rungs that are as near to the tolerance as the nearest one, within `ALIKE`; None of none."""
+    """Return the cheapest rung about as near to the tolerance as the nearest one (`ALIKE`); None if none."""
     if not usable:
         return None
     excess, error = min(asked[rung].beyond for rung in usable)
@@ -199,7 +199,7 @@ def _nearest(
 
 
 def _next(pool: Sequence[Candidate], chances: Sequence[float], channels: int) -> Candidate:
-    """The likeliest rung of the size in bytes by which half of the chance to have met the tolerance lies."""
+    """Return the likeliest rung at the size in bytes that splits the chance of success in half."""
     sizes = sorted({candidate.most_bytes(channels) for candidate in pool})
     reached: dict[int, float] = {}
     missed = 1.0
@@ -216,7 +216,7 @@ def _next(pool: Sequence[Candidate], chances: Sequence[float], channels: int) ->
 
 
 def _settled(candidate: Candidate, asked: Mapping[Candidate, LadderOutcome]) -> bool:
-    """Whether a search of as large textures already came out with fewer than it was allowed: more change nothing."""
+    """Return whether a search at this size already kept fewer textures than allowed, so more change nothing."""
     return any(
         other.method == candidate.method == "search"
         and other.size == candidate.size
@@ -232,7 +232,7 @@ def expected_errors(pool: Sequence[Candidate], asked: Mapping[Candidate, LadderO
 
 
 def _chances(pool: Sequence[Candidate], state: Walk, level: float) -> list[float]:
-    """P(error ≤ level) of each rung in the pool, given the answers."""
+    """Return P(error ≤ level) of each rung in the pool, given the measured errors."""
     if not math.isfinite(level):
         return [1.0] * len(pool)
     centre, deviation = _belief(pool, state.asked, level)
@@ -240,7 +240,7 @@ def _chances(pool: Sequence[Candidate], state: Walk, level: float) -> list[float
 
 
 def _belief(pool: Sequence[Candidate], asked: Mapping[Candidate, LadderOutcome], level: float) -> tuple[Tensor, Tensor]:
-    """(mean (N,), standard deviation (N,)) of log(error/level) of the rungs in the pool, given the answers."""
+    """Return mean (N,) and standard deviation (N,) of log(error/level) in the pool, given measured errors."""
     known = [candidate for candidate, outcome in asked.items() if 0 < outcome.error < math.inf]
     values = torch.tensor([math.log(asked[candidate].error / level) for candidate in known], dtype=torch.float64)
     mean = torch.tensor([_mean(candidate) for candidate in known], dtype=torch.float64)
@@ -262,7 +262,7 @@ def _mean(candidate: Candidate) -> float:
 
 
 def _place(candidate: Candidate) -> tuple[float, float]:
-    """(log2 of the textures or lobes, log2 of the size over 16)."""
+    """Return log2 of the number of textures or lobes, and log2(size / 16)."""
     if not candidate.textures:
         return math.log2(max(candidate.lobes, 1)), 0.0
     return math.log2(candidate.textures), math.log2(candidate.size / 16)

@@ -18,5 +18,5 @@ class PlanSettings:
     )
 
     def __post_init__(self) -> None:
-        """Refuse values that cannot be meant. Raises BadInput."""
+        """Reject invalid values. Raises BadInput."""
         check_options(self)

@@ -187,7 +187,7 @@ def _spread(count: int) -> tuple[Tensor, Tensor]:
 
 
 def _patch(axis: Tensor) -> tuple[Tensor, Tensor]:
-    """Normals (M, 3) within the window round `axis` (3,), and their solid angles."""
+    """Return normals (M, 3) within the window around `axis` (3,), and their solid angles."""
     nodes, weights = np.polynomial.legendre.leggauss(_RINGS)
     t = torch.from_numpy((nodes + 1) / 2).repeat_interleave(_SPOKES)
     step = torch.from_numpy(weights / 2).repeat_interleave(_SPOKES) * (2 * math.pi / _SPOKES)
@@ -200,14 +200,14 @@ def _patch(axis: Tensor) -> tuple[Tensor, Tensor]:
 
 
 def _window(normals: Tensor, axis: Tensor) -> Tensor:
-    """m (N,) of normals (N, 3) by their angle to `axis`."""
+    """Return the window weights m (N,) of normals (N, 3), by their angle to `axis`."""
     angle = 2 * torch.asin(((normals - axis).norm(dim=1) / 2).clamp(max=1))
     x = ((WINDOW[1] - angle) / (WINDOW[1] - WINDOW[0])).clamp(0, 1)
     return x * x * (3 - 2 * x)
 
 
 def _directional(shade: Callable[[Tensor, Tensor], Tensor], lighting: Lighting, view: SphereView) -> Tensor:
-    """Radiance (N, C) under the directional lights."""
+    """Return the radiance (N, C) under the directional lights."""
     total = torch.zeros(len(view.wo), 1, dtype=torch.float64)
     for light in lighting.lights:
         if not isinstance(light, DirectionalLight):

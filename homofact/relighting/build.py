@@ -221,9 +221,9 @@ def open_relight_scene(
 
 
 def _lobe_of(placed: SceneObject, table: RelightObjectTable | RelightGroundTable) -> str:
-    """The table's choice; under a normal map a lobe is separate unless the table says otherwise.
+    """Return the table's choice of lobe; the default under a normal map is a separate lobe.
 
-    Each term of a factored lobe would need several for its tilts.
+    Under a normal map, each term of a factored lobe would need several terms for the tilted normals.
     """
     plain = placed.bumps is None or isinstance(placed.reflectance, Lambert) or table.share is not None
     return table.lobe if plain or table.lobe != AUTO else SEPARATE
@@ -232,7 +232,7 @@ def _lobe_of(placed: SceneObject, table: RelightObjectTable | RelightGroundTable
 def _with_sun_tables(
     objects: Sequence[SceneObject], choices: Sequence[TransportChoice], stage: Stage | None
 ) -> list[TransportChoice]:
-    """The choices with the tables that suns light each material by, each material's made once."""
+    """Return the choices with the tables for light from suns; each material is tabulated once."""
     known: dict[tuple[str, bool, int], tuple[LobeTable, ...]] = {}
     found = []
     for placed, choice in zip(objects, choices, strict=True):
@@ -249,7 +249,7 @@ def _with_sun_tables(
 def _with_bounces(
     objects: Sequence[SceneObject], choices: Sequence[TransportChoice], stage: Stage | None
 ) -> tuple[BounceColours, list[TransportChoice]]:
-    """(the colours of the light between surfaces, the choices with its terms)."""
+    """Return the colours of light between surfaces, and the choices with terms for this light."""
     known: dict[tuple[str, bool, int], tuple[np.ndarray, list[np.ndarray]]] = {}
     albedos = []
     for placed, choice in zip(objects, choices, strict=True):

@@ -117,7 +117,7 @@ def clustered(
 
 
 def _rows(transport: WaveletTransport) -> csr_array:
-    """The transport as a sparse matrix (V, K·6·n²) float32, a term weighted by how strong its view map is."""
+    """Return the transport as a sparse matrix (V, K·6·n²) float32, terms weighted by their view maps' strength."""
     terms, texels = transport.factors.terms, cube.FACES * transport.settings.cube**2
     weight = transport.factors.weights
     vector = np.repeat(np.arange(len(transport.scale)), np.diff(transport.start))
@@ -129,7 +129,7 @@ def _rows(transport: WaveletTransport) -> csr_array:
 
 
 def _settled(sketch: np.ndarray, labels: np.ndarray, count: int, components: int) -> np.ndarray:
-    """The labels after rounds of moving every vertex to the cluster whose mean and components hold it best."""
+    """Return the labels after repeatedly moving each vertex to the cluster that approximates it best."""
     for _ in range(_ROUNDS):
         error = np.full((len(sketch), count), np.inf, np.float32)
         for c in range(count):
@@ -148,7 +148,7 @@ def _settled(sketch: np.ndarray, labels: np.ndarray, count: int, components: int
 
 
 def _components(rows: csr_array, components: int) -> tuple[np.ndarray, np.ndarray]:
-    """(mean and components (n + 1, J) float32, weights (V_c, n)) of a cluster's rows; missing components are 0."""
+    """Return mean and components (n + 1, J) float32 and weights (V_c, n) of rows; missing components are 0."""
     gram = (rows @ rows.T).toarray().astype(np.float64)
     count = len(gram)
     mean = np.asarray(rows.sum(0)).reshape(-1) / count
@@ -169,7 +169,7 @@ def _components(rows: csr_array, components: int) -> tuple[np.ndarray, np.ndarra
 
 
 class _SparseVectors:
-    """Vectors of which the largest coefficients are kept as they come: whole, those of all clusters take gigabytes."""
+    """Collects vectors and keeps only their largest coefficients, because all full vectors would need gigabytes."""
 
     def __init__(self, transport: WaveletTransport, kept: int) -> None:
         self._like, self._kept, self._count = transport, kept, 0
@@ -179,7 +179,7 @@ class _SparseVectors:
         self._numbers: list[np.ndarray] = []
 
     def add(self, vectors: np.ndarray) -> None:
-        """Keep some (B, K·J), their terms' weights taken off."""
+        """Add vectors (B, K·J) after dividing them by their terms' weights."""
         factors = self._like.factors
         weight = np.maximum(factors.weights, 1e-30)
         texels = cube.FACES * self._like.settings.cube**2
@@ -194,7 +194,7 @@ class _SparseVectors:
         self._count += len(vectors)
 
     def joined(self) -> WaveletTransport:
-        """All of them as a transport."""
+        """Return all vectors as a transport."""
         empty, frames = np.zeros((self._count, 3), np.float32), np.zeros((self._count, 3, 3), np.float32)
         return WaveletTransport(
             empty, frames, self._like.factors, self._like.settings,

@@ -88,7 +88,7 @@ class LightCones:
 
 
 def _spiral(axis: np.ndarray, along: np.ndarray, turns: np.ndarray | None = None) -> np.ndarray:
-    """Unit directions (S, N, 3) of a spiral about axes (S, 3), whose cosines with them are `along` (S, N)."""
+    """Return unit directions (S, N, 3) on spirals about axes (S, 3) with cosines `along` (S, N) to the axes."""
     angle = (np.arange(along.shape[1]) + 0.5) * _SPREAD + (0.0 if turns is None else turns[:, None])
     out = np.sqrt((1 - along**2).clip(0))
     across = np.cross(axis, np.eye(3)[np.abs(axis).argmin(1)])

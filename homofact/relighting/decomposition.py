@@ -121,7 +121,7 @@ class WeightedTerms:
         )  # fmt: skip
 
     def _rings(self, reflectance: Reflectance, picked: list[int], size: int) -> tuple[Tensor, Tensor]:
-        """From tables over the radius times the waves of the azimuth."""
+        """Return view and light maps from tables over the radius, multiplied by harmonics of the azimuth."""
         outgoing = _root(self.grid, VIEW_POWER)
         radius = torch.linspace(0, 1, _FINE * size + 1, dtype=torch.float64)
         theta = torch.acos(((1 - radius**2) / (1 + radius**2)).clamp_min(_RIM))
@@ -155,7 +155,7 @@ class WeightedTerms:
         return torch.stack(light), torch.stack(view)
 
     def _texels(self, reflectance: Reflectance, picked: list[int], size: int) -> tuple[Tensor, Tensor]:
-        """Straight at the texels."""
+        """Return view and light maps computed directly at the texels."""
         uv = texel_points(size).reshape(-1, 2)
         # A texel beyond the rim is read by interpolation at the rim alone: it takes the rim's value.
         uv = uv / uv.norm(dim=1, keepdim=True).clamp_min(1.0)
@@ -246,14 +246,14 @@ def _anisotropic(reflectance: Reflectance, grid: DirectionGrid, symmetry: Symmet
 
 
 def _natural(degree: int) -> Tensor:
-    """Mean squares P_l (degree + 1,) of natural light's coefficients of order l, over that of l = 0."""
+    """Return the mean squares P_l (degree + 1,) of natural light's coefficients at order l, relative to l = 0."""
     return (1 + torch.arange(degree + 1, dtype=torch.float64)) ** -FALLOFF
 
 
 def _ring_lights(rows: DirectionGrid, count: int) -> Tensor:
-    """Functions (m, rings, l) of θ whose outer product is natural light's covariance in each order of azimuth.
+    """Return functions (m, rings, l) of θ whose outer product is natural light's covariance for each m.
 
-    Harmonics √(2π) N_lm P_lm(cosθ) times the amplitude at l.
+    These are the harmonics √(2π) N_lm P_lm(cosθ), multiplied by the amplitude √P_l of natural light at l.
     """
     degree = 2 * len(rows.theta)
     values = normalised_legendre(degree, torch.cos(rows.theta)) * math.sqrt(2 * math.pi)
@@ -261,12 +261,12 @@ def _ring_lights(rows: DirectionGrid, count: int) -> Tensor:
 
 
 def _root(grid: DirectionGrid, power: float) -> Tensor:
-    """√(cos^power θ sinθ dθ) at the rings."""
+    """Return √(cos^power θ sinθ dθ) at the rings."""
     return (grid.weights * torch.cos(grid.theta) ** power).sqrt()
 
 
 def _roots(grid: DirectionGrid, power: float) -> Tensor:
-    """√(cos^power θ dω) at the nodes of all azimuths, flat."""
+    """Return √(cos^power θ dω) at the nodes of all azimuths as a flat array."""
     return (_root(grid, power) * math.sqrt(2 * math.pi / grid.turns)).repeat_interleave(grid.turns)
 
 

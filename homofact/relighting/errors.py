@@ -251,7 +251,7 @@ def relative(
 
 
 def _psnr(found: np.ndarray, truth: np.ndarray) -> float:
-    """Of pixels (S, 3) as pictures show them: the filmic curve at the automatic exposure of the truth, in 8 bits."""
+    """Return the PSNR of displayed 8-bit pixels (S, 3): filmic curve, automatic exposure of the truth."""
     cover = np.ones((len(truth), 1))
     exposure = automatic_exposure(SphereImage(torch.from_numpy(truth[:, None]), torch.from_numpy(cover)))
     shown, wanted = (displayed_picture(each[:, None], cover, exposure) / 255.0 for each in (found, truth))
@@ -259,14 +259,14 @@ def _psnr(found: np.ndarray, truth: np.ndarray) -> float:
 
 
 def _seen_of(seen: SeenVertices, lit: LitObject, terms: slice = slice(None)) -> np.ndarray:
-    """Light (S, 3) towards the eye of an object's K-tuples at the vertices, by some of the terms."""
+    """Return the light (S, 3) towards the eye from an object's K-tuples at the vertices, using some terms."""
     tuples = np.zeros_like(lit.tuples[seen.which])
     tuples[:, terms] = lit.tuples[seen.which][:, terms]
     return _by_terms(seen, lit, tuples)
 
 
 def _by_terms(seen: SeenVertices, lit: LitObject, tuples: np.ndarray) -> np.ndarray:
-    """Light (S, 3) towards the eye of other K-tuples (S, K, 3) of the vertices, which may lack the last terms."""
+    """Return the light (S, 3) towards the eye from given K-tuples (S, K, 3), which may lack the last terms."""
     factors = lit.transport.factors
     if lit.tilted is None:
         h = view_values(factors, seen.wo)[:, : tuples.shape[1]]
@@ -282,7 +282,7 @@ def _by_terms(seen: SeenVertices, lit: LitObject, tuples: np.ndarray) -> np.ndar
 
 
 def _fine(part: Reflectance, factors: InOutFactors) -> Reflectance:
-    """As many terms of a part, of a texture's two parts each, on maps of `_FINE_MAPS` texels."""
+    """Factor a part into the same number of terms on fine maps, a textured material's two parts separately."""
     if not isinstance(part, Tinted):
         return factor(part, terms=factors.direct, map_size=_FINE_MAPS)
     counts = (factors.tinted, factors.direct - factors.tinted)
@@ -293,7 +293,7 @@ def _fine(part: Reflectance, factors: InOutFactors) -> Reflectance:
 def _vectors(
     seen: SeenVertices, transport: WaveletTransport, radiance: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """K-tuples (S, K, 3) under the sky, by whole transport vectors, the numbers that are kept, and these as stored."""
+    """Return K-tuples (S, K, 3) under the sky from full, from truncated, and from stored transport vectors."""
     factors, settings = transport.factors, transport.settings
     size, terms = settings.cube, factors.direct
     tracer = Tracer(seen.mesh, seen.occluder, size, settings.rays)
@@ -323,7 +323,7 @@ def _vectors(
 
 
 def _interpolation(seen: SeenVertices, part: Reflectance, radiance: np.ndarray, size: int) -> float:
-    """Of points in the middle of triangles: a part's light mixed from the corners against that of the point itself."""
+    """Return the error of a part's light at triangle centres when interpolated from the corners."""
     mesh = seen.mesh
     shown = np.zeros(len(mesh.positions), bool)
     shown[seen.which] = True

@@ -91,7 +91,7 @@ def _settled(
     light: EnvironmentMap | None,
     whole: float | None,
 ) -> tuple[WeightedTerms, list[int]]:
-    """The terms on the first grid that is fine enough, and which are kept."""
+    """Return the terms on the first sufficiently fine grid, and the indices of the kept terms."""
     check_channels(reflectance)
     before, found, picked = None, None, []
     for split in decompositions(reflectance):

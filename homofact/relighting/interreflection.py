@@ -154,7 +154,7 @@ class Interreflection:
 
     @cached_property
     def _outer(self) -> tuple[np.ndarray, np.ndarray]:
-        """Directions (L, 3) that are followed to surfaces, and their solid angles (L,)."""
+        """Return the directions (L, 3) that are traced to surfaces, and their solid angles (L,)."""
         angles = np.tile(cube.solid_angles(OUTER).reshape(-1), cube.FACES)
         return cube.directions(OUTER).reshape(-1, 3), angles
 

@@ -76,7 +76,7 @@ class LampTable:
     intensity: tuple[float, ...]
 
     def __post_init__(self) -> None:
-        """Refuse what is no point, and a lamp without light. Raises BadInput."""
+        """Reject an invalid position, and a lamp without light. Raises BadInput."""
         check_point("position", self.position)
         if len(self.intensity) not in (1, 3) or not any(self.intensity):
             wanted = "1 or 3 numbers, some above 0"
@@ -136,7 +136,7 @@ def distance_to(point: np.ndarray, mesh: Mesh) -> float:
 
 
 def _inside(point: np.ndarray, mesh: Mesh) -> bool:
-    """Whether a closed mesh goes round a point: by its solid angles (van Oosterom and Strackee 1983, (8))."""
+    """Return whether a closed mesh encloses a point, by solid angles (van Oosterom and Strackee 1983, (8))."""
     a, b, c = (mesh.positions[mesh.triangles] - point).swapaxes(0, 1)
     la, lb, lc = (np.linalg.norm(each, axis=1) for each in (a, b, c))
     over = (a * np.cross(b, c)).sum(1)

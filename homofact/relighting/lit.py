@@ -85,12 +85,12 @@ class LitObject:
         return plain + tinted * self.tint.between(points.corners, points.shares)
 
     def _facing(self, eye: Sequence[float] | np.ndarray) -> np.ndarray:
-        """Which vertices (V,) face a point."""
+        """Return which vertices (V,) face a point."""
         made = self.transport
         return (made.frames[:, 2] * (checked_eye(eye) - made.positions)).sum(1) > 0
 
     def _tilted_at(self, points: SurfacePoints) -> np.ndarray:
-        """The light (S, 3) of the terms under mapped normals; 0 where a point is seen from behind."""
+        """Return the light (S, 3) of the terms under a normal map; 0 for points seen from behind."""
         assert self.tilted is not None
         made = self.transport
         where = (points.corners, points.shares, points.frames[:, 2], points.views)
@@ -115,7 +115,7 @@ class LitObject:
         return replace(found, wo=np.where(away[:, None], (0.0, 0.0, -1.0), found.wo))
 
     def _parts(self, eye: Sequence[float] | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Radiance (V, 3) twice: of the terms that no texture tints, and of those that it does, where its tint is 1."""
+        """Return the radiance (V, 3) of the untinted terms, and that of the tinted terms for a tint of 1."""
         tinted = self.transport.factors.tinted_terms
         plain, own = (shaded(self.transport, self.tuples, eye, np.flatnonzero(each)) for each in (~tinted, tinted))
         return plain, own
@@ -127,7 +127,7 @@ class LitObject:
         return self.lobe.at(points, self.cells, sight) * self._under(self.lobe.table, points)
 
     def _under(self, table: LobeTable, points: SurfacePoints) -> np.ndarray | float:
-        """What the texture multiplies a table's light by."""
+        """Return the factor by which the texture multiplies a table's light."""
         return 1.0 if self.tint is None else table.under(self.tint.between(points.corners, points.shares), points.wo)
 
     def suns_at(

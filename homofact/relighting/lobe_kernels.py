@@ -69,7 +69,7 @@ class HalfSeenCells(NamedTuple):
 
 @kernel(nogil=True, inline="always", fastmath=True)
 def _added(grid, a, b, own, found):  # pragma: no cover (compiled)
-    """(3 values) with `own` times those of a grid of half vectors at (a, b), bilinear."""
+    """Return `found` plus `own` times a bilinear lookup at (a, b) in a grid of half vectors, 3 values."""
     i, j = min(int(a), grid.shape[0] - 2), min(int(b), grid.shape[1] - 2)
     a, b = a - np.float32(i), b - np.float32(j)
     one = np.float32(1)
@@ -85,13 +85,13 @@ def _added(grid, a, b, own, found):  # pragma: no cover (compiled)
 
 @kernel(nogil=True, inline="always", fastmath=True)
 def _times(f, light, share):  # pragma: no cover (compiled)
-    """Three values times light and a share of it."""
+    """Return three values times light times a share."""
     return share * f[0] * light[0], share * f[1] * light[1], share * f[2] * light[2]
 
 
 @kernel(nogil=True, inline="always", fastmath=True)
 def _seen_between(sight, corners, shares, face, place, size):  # pragma: no cover (compiled)
-    """What a point sees of a cell, mixed of its corners, and the least and the most that one of them sees."""
+    """Return a cell's visible part, interpolated from the corners, and the least and greatest corner values."""
     seen, fewest, most = np.float32(0), np.float32(1), np.float32(0)
     for c in range(3):
         if shares[c] > 0:
@@ -103,7 +103,7 @@ def _seen_between(sight, corners, shares, face, place, size):  # pragma: no cove
 
 @kernel(nogil=True)
 def _note(half_seen, p, cell, sent, seen, oz):  # pragma: no cover (compiled)
-    """Keeps a cell of the point p, if there is room."""
+    """Record a cell for the point p if there is room."""
     cells, light, parts, found, _ = half_seen
     n = found[p]
     if n < cells.shape[1]:

@@ -70,13 +70,13 @@ class LightCells:
 
 
 def _places(towards: np.ndarray, solid: np.ndarray, bright: np.ndarray) -> np.ndarray:
-    """Of cells (6, n²): their directions (6, n², 3) and the roots of their solid angles, below 0 for `bright` ones."""
+    """Return rows of cell direction and square root of solid angle, with a negative root for `bright` cells."""
     return np.concatenate((towards, (np.sqrt(solid) * np.where(bright, -1, 1))[..., None]), -1).reshape(-1, 4)
 
 
 @lru_cache(maxsize=8)
 def _parts(side: int, divisions: int) -> np.ndarray:
-    """Places (P, 4) float32 of the parts of a cube map's texels, the finest first; those of a texel in a row."""
+    """Return rows (P, 4) float32 for subdivided cube map texels, finest level first, grouped by texel."""
     found = [np.zeros((0, 4))]
     for more in range(divisions, 0, -1):
         towards, solid = _cells(side << more)
@@ -86,7 +86,7 @@ def _parts(side: int, divisions: int) -> np.ndarray:
 
 @lru_cache(maxsize=8)
 def _cells(side: int) -> tuple[np.ndarray, np.ndarray]:
-    """Directions (6, n², 3) and solid angles (6, n²) of a cube map's texels in Morton's order."""
+    """Return directions (6, n², 3) and solid angles (6, n²) of a cube map's texels in Morton order."""
     order = morton_order(side)
     towards = cube.directions(side).reshape(cube.FACES, -1, 3)[:, order]
     return towards, np.tile(cube.solid_angles(side).reshape(-1)[order], (cube.FACES, 1))

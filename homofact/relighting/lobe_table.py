@@ -206,7 +206,7 @@ def sun_tables(reflectance: Reflectance, lobe: LobeTable | None = None) -> tuple
 
 
 def _small_table(reflectance: Reflectance, width: float) -> LobeTable:
-    """The smallest table of a reflectance without a sharp lobe that errs by `_SMALL`, or as little as the largest."""
+    """Return the smallest table of a smooth reflectance with error `_SMALL`, or nearly that of the largest."""
     angles = torch.rand(4, _PAIRS, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
     wi, wo = (from_spherical(_ASKED * angles[k], 2 * math.pi * angles[k + 2]) for k in (0, 1))
     cosines = (wi[:, 2] * wo[:, 2])[:, None]
@@ -223,7 +223,7 @@ def _small_table(reflectance: Reflectance, width: float) -> LobeTable:
 def _tabulated(
     reflectance: Reflectance, width: float, lobe: bool, size: tuple[int, int, int] | None = None
 ) -> LobeTable:
-    """T on the grid of a width: of the `lobe`, without the least f; or of all of f, without cosθi."""
+    """Tabulate T on the grid of a width: the `lobe` minus the least f, or all of f without cosθi."""
     symmetry = find_symmetry(reflectance)
     turns, whole = 1 if symmetry.isotropic else TURNS, not (symmetry.isotropic and symmetry.mirrored)
     levels, along, around = (SIZE if turns == 1 else TURNED_SIZE) if size is None else size
@@ -264,7 +264,7 @@ def half_width(reflectance: Reflectance) -> float:
 
 
 def _tinted_parts(reflectance: Tinted, levels: int) -> np.ndarray:
-    """Of the lobe's height above the least f the part (levels, 3) of the tinted part, at every node of θo."""
+    """Return the tinted part's share (levels, 3) of the lobe's height above the least f, per node of θo."""
     found = np.zeros((levels, 3), np.float32)
     for level, theta in enumerate(_angles(levels).tolist()):
         wo = from_spherical(*torch.tensor([theta, 0.0], dtype=torch.float64))
@@ -280,7 +280,7 @@ def _tinted_parts(reflectance: Tinted, levels: int) -> np.ndarray:
 
 
 def _angles(levels: int) -> Tensor:
-    """θo of the nodes."""
+    """Return θo of the nodes, in radians."""
     return STEEPEST * (1 - (1 - torch.linspace(0, 1, levels, dtype=torch.float64)) ** CROWDING)
 
 
@@ -289,14 +289,14 @@ def _level_of(theta: Tensor, levels: int) -> Tensor:
 
 
 def _raised(w: Tensor, least: float = math.cos(STEEPEST)) -> Tensor:
-    """Directions (N, 3) with cosines of at least so much, those under it raised."""
+    """Return directions (N, 3) with cosines of at least `least`, raising lower ones."""
     z = w[:, 2:].clamp_min(least)
     across = w[:, :2].norm(dim=1, keepdim=True)
     return torch.cat((w[:, :2] * ((1 - z**2).sqrt() / across.clamp_min(1e-12)).clamp_max(1e6), z), 1)
 
 
 def _mirrored(slope: Tensor, wo: Tensor) -> Tensor:
-    """ωi (..., 3) that mirrors ωo (3,) at half vectors of these slopes (..., 2)."""
+    """Return ωi (..., 3), the mirror images of ωo (3,) about half vectors with the slopes (..., 2)."""
     h = torch.cat((slope, torch.ones_like(slope[..., :1])), -1)
     h = h / h.norm(dim=-1, keepdim=True)
     return 2 * (h @ wo)[..., None] * h - wo

@@ -67,7 +67,7 @@ def moments(
 
 
 def _crowded(count: int) -> tuple[Tensor, Tensor]:
-    """Nodes and weights of ∫ over [0, π] that crowd towards both ends: x = (π/2) s³ of Gauss nodes s."""
+    """Return quadrature nodes and weights on [0, π], denser at both ends: x = (π/2) s³ for Gauss nodes s."""
     s, weights = gauss_legendre(count, 0.0, 1.0)
     x = math.pi / 2 * s**_CROWDING
     weights = math.pi / 2 * _CROWDING * s ** (_CROWDING - 1) * weights

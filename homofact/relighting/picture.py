@@ -96,9 +96,9 @@ def picture(
 
 
 def _lobe(lit: LitObject, points: SurfacePoints, rays: np.ndarray, samples: int, sight: PointSight) -> np.ndarray:
-    """The lobe at the points of `rays`, `samples` of them a pixel: once a pixel, at outlines once a ray.
+    """Return the lobe's light at the points of `rays`, computed once per pixel, or once per ray at outlines.
 
-    With a normal map it is summed for each ray.
+    With a normal map it is computed for every ray.
     """
     if lit.bumps is not None:
         return lit.lobe_at(points, sight)

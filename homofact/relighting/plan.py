@@ -160,7 +160,7 @@ def plan_object(
 
 @dataclass(frozen=True)
 class _Considered:
-    """Candidate forms of an object, tested at its `probed` vertices; `allowed` is the error, K is given if `fixed`."""
+    """Candidate forms of an object with errors up to `allowed` at `probed` vertices; `fixed`: the user has set K."""
 
     probed: ProbedVertices
     light: EnvironmentMap
@@ -169,7 +169,7 @@ class _Considered:
     fixed: bool
 
     def choices(self, made: list[FactoredMaterial]) -> list[PlannedTransport]:
-        """Those of a material factored on maps of every size; where none will do, the most terms and largest maps."""
+        """Return the choices within the error for maps of every size, or else the most terms and largest maps."""
         first = made[0].factors
         counts = [first.terms] if self.fixed else candidate_terms(first, self.allowed)
         whole = [each.factors.first(counts[-1]) for each in made]
@@ -214,7 +214,7 @@ def candidate_terms(factors: InOutFactors, allowed: float) -> list[int]:
 def _choices(
     found: ProbedErrors, g: int, m: int, terms: int, error: float, allowed: float, vertices: int, channels: int
 ) -> list[PlannedTransport]:
-    """Of so many terms on maps of one size: all frequencies, and the harmonics that are enough."""
+    """Return the choices for a number of terms and a map size: wavelets, and sufficient harmonics."""
     size, maps = SIZES[m], float(found.maps[g, m])
     square = allowed**2 - error**2 - maps**2
     if square <= 0:
@@ -233,7 +233,7 @@ def _choices(
 def _wavelets(
     found: ProbedErrors, g: int, m: int, allowed: float, terms: int, error: float, vertices: int, channels: int
 ) -> PlannedTransport:
-    """All frequencies, of which as few are kept as leave what is allowed."""
+    """Return the choice of all frequencies that keeps the fewest coefficients within the allowed error."""
     size = SIZES[m]
     tolerance, lost, kept = found.truncated(g, allowed)
     stored = vertices * (6 * terms + 4 * round(kept)) + terms * size**2 * channels * 4
@@ -253,7 +253,7 @@ def _best_of_each(choices: list[PlannedTransport]) -> tuple[PlannedTransport, ..
 def _probed(
     mesh: Mesh, reflectance: Reflectance, occluder: Occluder, eye: tuple[float, ...], seed: int
 ) -> ProbedVertices:
-    """Vertices that the eye sees; where it sees none, any, from 45° each."""
+    """Return vertices visible from the eye, or if there are none, random vertices, each viewed at 45°."""
     try:
         seen = seen_vertices(mesh, reflectance, occluder, eye, SPOTS, seed)
     except BadInput:

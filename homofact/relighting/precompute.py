@@ -52,7 +52,7 @@ class TransportSettings:
     tolerance: float | None = None
 
     def __post_init__(self) -> None:
-        """Refuse numbers that are no choice. Raises BadInput."""
+        """Reject values outside the allowed choices. Raises BadInput."""
         cube.check_size(self.cube)
         if self.rays not in (1, 2):
             raise BadInput(where="rays", found=self.rays, expected="1 or 2 across a texel")
@@ -200,7 +200,7 @@ def transport(
 
 
 class _Work(Tracer):
-    """What is the same for all blocks of a transport."""
+    """The state that all blocks of a transport share."""
 
     def __init__(
         self,
@@ -223,7 +223,7 @@ class _Work(Tracer):
         self.seen_by = sight.texels if sight is not None and alike else self.visible
 
     def fingerprint(self) -> str:
-        """A digest of everything that decides about the blocks."""
+        """Return a digest of all inputs of the blocks."""
         said = (self.settings, self.mesh.name, *(["cosine"] if self.factors.cosine else []))
         digest = hashlib.sha256(repr(said).encode())
         for each in (self.positions, self.rows, self.maps, self.factors.view, *self.occluder.arrays):
@@ -233,7 +233,7 @@ class _Work(Tracer):
         return digest.hexdigest()
 
     def block(self, first: int, last: int) -> dict[str, np.ndarray]:
-        """`blocks.PARTS` of the vertices from `first` to below `last`."""
+        """Compute `blocks.PARTS` of the vertices `first` to `last` − 1."""
         terms, texels = self.factors.terms, len(self.angles)
         vectors = np.empty((terms, texels), np.float32)
         direct, scratch = vectors[: self.factors.direct], np.empty((self.settings.cube,) * 2, np.float32)

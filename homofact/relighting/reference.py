@@ -71,7 +71,7 @@ class Geometry:
     tangents: np.ndarray | None = None
 
     def __post_init__(self) -> None:
-        """Refuse what is no mesh."""
+        """Reject invalid arrays of a mesh."""
         vertices = len(self.positions)
         for name in ("positions", "normals", "tangents"):
             values = getattr(self, name)
@@ -223,7 +223,7 @@ def scene_picture(
 
 
 def _lamp(lamp: Lamp) -> dict[str, Any]:
-    """A lamp as Mitsuba's sphere."""
+    """Return a lamp as a Mitsuba sphere with an area emitter."""
     radiance = {"type": "rgb", "value": lamp.radiance().tolist()}
     emitter = {"type": "area", "radiance": radiance}
     return {"type": "sphere", "center": lamp.position.tolist(), "radius": lamp.radius, "emitter": emitter}
@@ -243,7 +243,7 @@ def _check_counts(samples: int, repeats: int) -> None:
 
 @contextmanager
 def _bsdf(material: Material) -> Iterator[Any]:
-    """The material in the variant of the moment, with calls as it needs them."""
+    """Yield the material as a BSDF of Mitsuba's current variant, inside the call mode that it needs."""
     if isinstance(material, str | Path):
         yield measured_bsdf(material) if str(material).endswith(".bsdf") else load_bsdf(material)
         return
@@ -252,7 +252,7 @@ def _bsdf(material: Material) -> Iterator[Any]:
 
 
 def _mesh(mi: Any, geometry: Geometry, bsdf: Any) -> Any:
-    """Mitsuba's mesh with our normals, and our tangents where the material asks for them."""
+    """Return a Mitsuba mesh with the geometry's normals, and its tangents for anisotropic materials."""
     properties = mi.Properties()
     turned = bsdf is not None and mi.has_flag(bsdf.flags(), mi.BSDFFlags.Anisotropic)
     if bsdf is not None:
@@ -275,7 +275,7 @@ def _parts(rows: np.ndarray, size: int) -> Iterator[np.ndarray]:
 
 
 def _estimate(runs: np.ndarray, seen: np.ndarray) -> Estimate:
-    """Mean and standard error over the runs (R, …, 3)."""
+    """Return the mean and standard error over the runs (R, …, 3)."""
     error = runs.std(0, ddof=1) / math.sqrt(len(runs))
     return Estimate(runs.mean(0), error, seen)
 
@@ -285,7 +285,7 @@ def _vector(mi: Any, values: np.ndarray) -> Any:
 
 
 def _interaction(mi: Any, points: np.ndarray, axes: np.ndarray, toward: np.ndarray) -> Any:
-    """Mitsuba's record of a surface seen along `toward` (N, 3), at points and in frames of our own."""
+    """Return Mitsuba's surface interactions at given points and frames, viewed along `toward` (N, 3)."""
     si = extras.library("drjit", "mitsuba").zeros(mi.SurfaceInteraction3f, len(points))
     tangent, binormal, normal = (_vector(mi, axes[:, k]) for k in range(3))
     si.t, si.p, si.n = mi.Float(0), mi.Point3f(_vector(mi, points)), mi.Normal3f(normal)
@@ -295,7 +295,7 @@ def _interaction(mi: Any, points: np.ndarray, axes: np.ndarray, toward: np.ndarr
 
 
 def _direct(mi: Any, scene: Any, bsdf: Any, si: Any, sampler: Any) -> Any:
-    """One estimate of the reflected radiance for each lane: emitter and material sampled, power heuristic."""
+    """Return one estimate of reflected radiance per lane: emitter and BSDF sampling, power heuristic."""
     dr = extras.library("drjit", "mitsuba")
     context = mi.BSDFContext()
     light, weight = scene.sample_emitter_direction(si, sampler.next_2d(), True)
@@ -317,5 +317,5 @@ def _direct(mi: Any, scene: Any, bsdf: Any, si: Any, sampler: Any) -> Any:
 
 
 def _power(dr: Any, own: Any, other: Any) -> Any:
-    """Weight of a sample with the density `own` beside a strategy with the density `other`."""
+    """Return the MIS weight of a sample with density `own` against a strategy with density `other`."""
     return dr.select(own > 0, own * own / (own * own + other * other), 0)

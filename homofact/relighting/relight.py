@@ -140,7 +140,7 @@ class Relit:
         return found
 
     def _named(self, light: Light) -> np.ndarray:
-        """The coefficients of a light, which the lobe has from now on."""
+        """Return the coefficients of a light, and store its cells for the lobe."""
         radiance = light_cube(light, self.transport.settings.cube)
         self._cells = None if self.lobe is None else self.lobe.cells(radiance)
         return _transformed(radiance)
@@ -162,7 +162,7 @@ class Relit:
 
     @cached_property
     def _columns(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """The transport by coefficient: start (J + 1), rows, values, and each column's length (J,)."""
+        """Return the transport sorted by coefficient: start (J + 1,), rows, values, and column norms (J,)."""
         given = self.transport
         counts = np.bincount(given.index, minlength=len(self._light))
         start = np.concatenate(([0], np.cumsum(counts)))

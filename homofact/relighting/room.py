@@ -38,7 +38,7 @@ def check_room(scene: RelightScene, blocks: Path | None) -> None:
 
 
 def _part(count: int, there: float, needed: float) -> int:
-    """So much of a count as fits, to two digits, at least 1."""
+    """Return the part of a count that fits, rounded down to two digits, at least 1."""
     fits = max(int(count * there / needed), 1)
     unit = 10 ** max(len(str(fits)) - 2, 0)
     return fits // unit * unit

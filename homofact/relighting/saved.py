@@ -43,7 +43,7 @@ class Part:
     """The arrays of an archive under a prefix: of one object, or of an object's basis."""
 
     def __init__(self, arrays: Arrays, prefix: str) -> None:
-        """All names that begin with `prefix`."""
+        """Select the arrays whose names begin with `prefix`."""
         self._arrays, self._prefix = arrays, prefix
 
     def floats(
@@ -147,7 +147,7 @@ def read_lamps(fields: Fields, suns: int) -> tuple[Lamp, ...]:
 
 
 def _levels(entry: Fields, name: str) -> np.ndarray:
-    """Red, green and blue of a light (3,). Raises BadInput."""
+    """Read red, green and blue of a light (3,). Raises BadInput."""
     light = np.array(entry.numbers(name, 3))
     if not (light >= 0).all() or not light.any() or float(light.max()) > MOST_LIGHT:
         entry.refuse(name, f"three numbers from 0 to {MOST_LIGHT:g}, some above 0")
@@ -235,7 +235,7 @@ def _mesh(part: Part, name: str) -> Mesh:
 
 
 def _vectors(part: Part, count: int, settings: TransportSettings) -> tuple[np.ndarray, ...]:
-    """Start, index, number and scale of `count` sparse vectors."""
+    """Read start, index, number and scale of `count` sparse vectors."""
     start = part.wholes("start", np.int64, (count + 1,))
     if start[0] != 0 or (np.diff(start) < 0).any():
         raise part.refuse("start", "holds vectors that overlap", "places that grow from 0")
@@ -247,7 +247,7 @@ def _vectors(part: Part, count: int, settings: TransportSettings) -> tuple[np.nd
 
 
 def _normal_map(part: Part, factors: InOutFactors, count: int, reach: float) -> tuple[SurfaceNormals, TiltedView]:
-    """The normal map of an object with so many vertices, and what tilted normals make of its terms."""
+    """Read the normal map of an object with `count` vertices, and its terms' data for tilted normals."""
     vectors = part.floats("normal_map", (None, None, 3), _UNIT)
     if vectors[..., 2].min() < -1e-6 or not (np.linalg.norm(vectors, axis=2) > 0.5).all():
         raise part.refuse("normal_map", "holds one that is no normal", "unit vectors with z of 0 or more")

@@ -65,7 +65,7 @@ MAP_SUNS = (SEPARATE_SUN, TEXEL_SUN)
 
 @dataclass(frozen=True, kw_only=True)
 class _TermRule(MaterialTable):
-    """The `name`, and how many in-out factors a material has: `terms`, or by one of the two rules of `factoring`."""
+    """The `name` of a material, and its number of in-out factors: `terms`, or one of the two rules of `factoring`."""
 
     name: str | None = option(None, "Its name in tables. Default: the name of its mesh", expected_instead=a_name)
     terms: int | None = option(None, "K of its in-out factors", least=1, most=MOST_TERMS)
@@ -74,7 +74,7 @@ class _TermRule(MaterialTable):
     lobe: str = option(AUTO, "Whether a sharp lobe is computed separately", choices=LOBES)
 
     def __post_init__(self) -> None:
-        """Refuse two rules for K. Raises BadInput."""
+        """Reject more than one rule for K. Raises BadInput."""
         super().__post_init__()
         given = [name for name in ("terms", "error", "share") if _given(self, name)]
         if len(given) > 1:
@@ -84,7 +84,7 @@ class _TermRule(MaterialTable):
 
     @property
     def called(self) -> str | None:
-        """Its name; None for that of its mesh."""
+        """Return its name; None for the name of its mesh."""
         return self.name
 
 
@@ -127,7 +127,7 @@ class RelightLightTable(LightTable):
     sun_radius: float | None = option(None, "Radius of its disc in degrees. Default: as in the map", above=0, most=20)
 
     def __post_init__(self) -> None:
-        """Refuse a radius of a sun that stays in the map. Raises BadInput."""
+        """Reject `sun_radius` if suns stay in the map. Raises BadInput."""
         super().__post_init__()
         if self.sun != SEPARATE_SUN and self.sun_radius is not None:
             raise BadInput(where="sun_radius", found=f'it beside sun = "{self.sun}"', expected="one of the two")
@@ -147,7 +147,7 @@ class RelightSceneTable(SceneTable):
     seed: int = option(0, "Seed of the clusters and of the vertices where errors are measured", least=0, most=MOST_SEED)
 
     def __post_init__(self) -> None:
-        """Refuse a tolerance beside what it chooses. Raises BadInput."""
+        """Reject a tolerance together with settings that it would choose. Raises BadInput."""
         super().__post_init__()
         if self.tolerance is None:
             return

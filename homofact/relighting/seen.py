@@ -60,7 +60,7 @@ class SeenVertices:
     wo: np.ndarray = field(init=False)
 
     def __post_init__(self) -> None:
-        """Frames of the vertices, and the eye's direction in them."""
+        """Compute the vertices' frames, and the direction to the eye in them."""
         if self.view is not None:
             self.rows = frames(self.mesh.normals[self.which])
             self.wo = self.view
@@ -118,9 +118,10 @@ class SeenVertices:
 
 @dataclass(frozen=True)
 class _TexelParts:
-    """Every texel of a cube map in parts: directions `w` (T, P, 3) and solid angles (T, P), for a narrow highlight.
+    """A cube map's texels, subdivided for a narrow highlight: directions `w` (T, P, 3) and solid angles (T, P).
 
-    Those texels are divided whose half vector has slopes below `reach`, or would have within the `extent` of a texel.
+    A texel is subdivided if the slope of its half vector is below `reach`, plus a margin `extent` for the size of a
+    texel.
     """
 
     w: np.ndarray
@@ -130,7 +131,7 @@ class _TexelParts:
 
     @classmethod
     def of(cls, reflectance: Reflectance, size: int) -> "_TexelParts | None":
-        """For maps of `size` texels along a face; None where the highlight is wider than a texel."""
+        """Return the subdivision for maps of `size` texels a side; None if the highlight is wider than a texel."""
         width = half_width(reflectance)
         times = texel_divisions(width, size)
         # Twice as fine as the sum of the separate lobe, which is judged by this.
@@ -139,7 +140,7 @@ class _TexelParts:
     def divided(
         self, lit: np.ndarray, wi: np.ndarray, angles: np.ndarray, rows: np.ndarray, wo: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Texels `lit` (L,) with directions `wi` in the frame `rows` and solid angles; the highlight's in parts."""
+        """Return the texels `lit` (L,), directions and solid angles, with the texels of the highlight subdivided."""
         h = wi + wo
         near = np.hypot(h[:, 0], h[:, 1]) < self.reach * h[:, 2] + self.extent
         fine = lit[near]
@@ -153,7 +154,7 @@ class _TexelParts:
 
 @lru_cache(maxsize=2)
 def _parts_of_texels(size: int, across: int) -> tuple[np.ndarray, np.ndarray]:
-    """Directions (T, P, 3) and solid angles (T, P) of the parts of each texel, `across` along a side."""
+    """Return directions (T, P, 3) and solid angles (T, P) of each texel's parts, `across` along a side."""
     finer = size * across
 
     def parts(values: np.ndarray) -> np.ndarray:
@@ -259,6 +260,6 @@ def seen_pixels(
 
 
 def _drawn(weights: np.ndarray, count: int, seed: int) -> np.ndarray:
-    """So many places, rising, in proportion to the weights: even steps from a random start."""
+    """Draw `count` sorted indices in proportion to the weights, in even steps from a random start."""
     places = (np.arange(count) + np.random.default_rng(seed).random()) * (weights.sum() / count)
     return np.searchsorted(weights.cumsum(), places).clip(0, len(weights) - 1)

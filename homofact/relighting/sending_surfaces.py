@@ -76,7 +76,7 @@ class SendingSurfaces:
     def _sent(
         self, triangle: np.ndarray, weights: np.ndarray, back: np.ndarray, w: np.ndarray, flux: np.ndarray
     ) -> np.ndarray:
-        """Radiance (H, 3) of points on triangles towards `back` (H, 3), by lights of `flux` (L, 3) from `w` (L, 3)."""
+        """Return radiance (H, 3) of points towards `back` (H, 3), lit by `flux` (L, 3) from directions `w` (L, 3)."""
         found, first = np.zeros((len(triangle), 3)), 0
         tints = [None] * len(self.meshes) if self.tints is None else self.tints
         maps = [None] * len(self.meshes) if self.bumps is None else self.bumps
@@ -107,7 +107,7 @@ class SendingSurfaces:
         w: np.ndarray,
         flux: np.ndarray,
     ) -> np.ndarray:
-        """The sum (H, 3) over the lights that points see, all of them at once; `tint` (H, 3) is that of a texture."""
+        """Return the reflected sum (H, 3) over all visible lights; `tint` (H, 3) is the texture's factor."""
         row, light = np.nonzero(points.normals @ w.T > 0)
         pairs = [(row, w[light], flux[light], np.full(len(row), np.inf))]
         for each in self.lights:

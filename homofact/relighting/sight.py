@@ -103,7 +103,7 @@ class VertexSight:
         return morton_order(self.side)
 
     def _faces(self, full: np.ndarray, mixed: np.ndarray, words: np.ndarray) -> np.ndarray:
-        """The words (..., 6, n²/64) of faces with such masks (..., 6)."""
+        """Return the words (..., 6, n²/64) of faces, given their masks `full` and `mixed` (..., 6)."""
         place = np.arange(self.count, dtype=np.uint64)
         whole, partly = ((each[..., None] >> place) & np.uint64(1) > 0 for each in (full, mixed))
         faces = np.where(whole, _FULL, np.uint64(0))
@@ -197,7 +197,7 @@ def ones(word):  # pragma: no cover (compiled)
 
 @kernel(nogil=True, inline="always")
 def _word(sight, vertex, face, place):  # pragma: no cover (compiled)
-    """A word of a vertex's face."""
+    """Return one visibility word of a vertex's face."""
     bit = np.uint64(1) << np.uint64(place)
     mixed = sight.mixed[vertex, face]
     if mixed & bit:

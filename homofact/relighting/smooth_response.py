@@ -64,7 +64,7 @@ def smooth_response(reflectance: Reflectance, order: int, size: int) -> np.ndarr
 
 
 def _responses(reflectance: Reflectance, theta: np.ndarray, order: int) -> np.ndarray:
-    """∫ f |Z| exp(i m (φi − φo)) cosθi dωi (A, Q, J, C) for views at angles `theta` (A,) and Q azimuths."""
+    """Return ∫ f |Z| exp(i m (φi − φo)) cosθi dωi (A, Q, J, C) for views at θo `theta` (A,) and Q azimuths."""
     azimuths = 1 if find_symmetry(reflectance).isotropic else _AZIMUTHS
     columns, angles = [], torch.from_numpy(theta)
     for k in range(azimuths):
@@ -83,7 +83,7 @@ def _responses(reflectance: Reflectance, theta: np.ndarray, order: int) -> np.nd
 
 
 def _radial(n: int, m: int, r: np.ndarray) -> np.ndarray:
-    """√((2 − δ_m0)(n + 1)/π) R_nm(r)."""
+    """Return the normalized radial Zernike polynomial √((2 − δ_m0)(n + 1)/π) R_nm(r)."""
     total = np.zeros_like(r)
     for k in range((n - m) // 2 + 1):
         top = (-1) ** k * math.factorial(n - k)

@@ -189,7 +189,7 @@ class Sunlight:
     def _reflected(
         self, w: np.ndarray, parts: np.ndarray, points: SurfacePoints, tint: np.ndarray | None
     ) -> np.ndarray:
-        """f cosθi (S, 3) of all tables, summed over directions (S, N, 3) with the weights `parts` (S, N)."""
+        """Return f cosθi (S, 3), summed over all tables and over directions (S, N, 3) with weights `parts` (S, N)."""
         f = np.zeros((len(parts), 3))
         for table in self.tables:
             times = np.ones((len(parts), 1)) if tint is None else table.under(tint, points.wo)
@@ -202,9 +202,9 @@ class Sunlight:
     def _asked(
         self, cones: LightCones, count: int, follow: bool, rows: np.ndarray, wo: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """(directions (S, N, 3) at which f is evaluated, the part (S, N) of the irradiance that each carries).
+        """Return the directions (S, N, 3) at which to evaluate f, and each direction's share (S, N) of irradiance.
 
-        They are spread over the cone, or `follow` the lobe.
+        The directions are spread over the cone, or over the lobe if `follow`.
         """
         if count == 1:
             return cones.middle[:, None], np.ones((len(wo), 1))
@@ -216,7 +216,7 @@ class Sunlight:
 
 
 def _seen_ways(sight: PointSight, cones: LightCones, w: np.ndarray) -> np.ndarray:
-    """Whether points see a light along directions `w` (S, N, 3): (S, N)."""
+    """Return whether (S, N) points see a light along directions `w` (S, N, 3)."""
     which = np.repeat(np.arange(len(w)), w.shape[1])
     return sight.sees(which, w.reshape(-1, 3), cones.lengths(w).reshape(-1)).reshape(w.shape[:2])
 
@@ -265,7 +265,7 @@ def summed(
 
 
 def _samples(reflectance: Reflectance, cones: LightCones) -> int:
-    """Directions of the exact sum: no farther apart than half of the lobe's half width."""
+    """Return the number of directions of the exact sum, spaced at most half the lobe's half width."""
     widest = float(cones.radius.max(initial=0))
     if widest <= _NARROW:
         return SAMPLES

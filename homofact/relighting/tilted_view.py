@@ -184,7 +184,7 @@ def tilted(factors: InOutFactors, sines: np.ndarray, error: float = ERROR) -> tu
 def _factored(
     factors: InOutFactors, chosen: np.ndarray, reach: float, density: np.ndarray, allowed: float, whole: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(light maps (J, M, M), functions of tilt (T·T, J, K), strengths (J,)) of the `chosen` terms."""
+    """Factor the `chosen` terms: light maps (J, M, M), functions of tilt (T·T, J, K), and strengths (J,)."""
     size = factors.light.shape[1]
     maps = torch.from_numpy(factors.light[chosen]).permute(1, 2, 0).double()
     use = np.sqrt((factors.view[chosen].astype(np.float64) ** 2).mean((1, 2, 3)))
@@ -222,13 +222,13 @@ def _factored(
 
 
 def _tilted_maps(maps: Tensor, towards: Tensor, tilt: tuple[float, float]) -> Tensor:
-    """g_k(R ω) max(0, n'·ω) (N, K) of light maps (M, M, K) at directions (N, 3)."""
+    """Return g_k(R ω) max(0, n'·ω) (N, K) of light maps (M, M, K) at directions (N, 3)."""
     local = towards @ torch.from_numpy(rotation(*tilt)).T
     return look_up(maps, local) * local[:, 2:].clamp_min(0)
 
 
 def _hemisphere() -> tuple[np.ndarray, np.ndarray]:
-    """Directions (N, 3) of the upper hemisphere and their solid angles (N,)."""
+    """Return directions (N, 3) of the upper hemisphere and their solid angles (N,)."""
     x, w = np.polynomial.legendre.leggauss(_RINGS)
     z, phi = (x + 1) / 2, 2 * math.pi * (np.arange(_SPOKES) + 0.5) / _SPOKES
     across = np.sqrt(1 - z**2)
@@ -237,18 +237,18 @@ def _hemisphere() -> tuple[np.ndarray, np.ndarray]:
 
 
 def _above(w: np.ndarray) -> np.ndarray:
-    """Directions with those under the horizon on it: their weight is 0."""
+    """Return directions, moving those below the horizon onto it; their weight is 0."""
     return np.stack((w[:, 0], w[:, 1], w[:, 2].clip(0)), 1)
 
 
 def _texel_directions(size: int) -> Tensor:
-    """Those (M·M, 3) of a parabolic map's texels; beyond its rim that of the rim."""
+    """Return the directions (M·M, 3) of a parabolic map's texels; beyond the rim, those of the rim."""
     uv = texel_points(size).reshape(-1, 2)
     return from_disc(uv / uv.norm(dim=1, keepdim=True).clamp_min(1.0))
 
 
 def _density(sines: np.ndarray, reach: float) -> np.ndarray:
-    """Weights (T·T,), together 1, of the nodes of tilt: how often a map has such, in whatever direction."""
+    """Return weights (T·T,) of the tilt nodes, with sum 1: the frequency of tilts in a map, in any direction."""
     nodes = np.array(tilt_nodes(reach))
     radius = np.hypot(*nodes.T)
     counts, edges = np.histogram(np.minimum(sines, reach * (1 - 1e-9)), _BINS, (0, reach))

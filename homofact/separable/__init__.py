@@ -1,1 +1,1 @@
-"""Sums of products of textures: matrices over direction maps, their decompositions, non-negative factors."""
+"""Fit sums of products of textures: tabulate a BRDF as a matrix over direction maps, and decompose the matrix."""

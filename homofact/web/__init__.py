@@ -1,6 +1,6 @@
-"""The viewer: one self-contained HTML file that shows a fit beside its source on a lit sphere or mesh.
+"""Write the viewer: one self-contained HTML file that shows a fit beside its source on a lit sphere or mesh.
 
-`viewer.viewer_html` puts the page together from `page.html`, `page.css` and the scripts beside them, and from
-`Layer`s: shader text with the textures it reads. `source_table` makes the layer of the source itself,
-`mesh` reads a mesh to show it on, `packing` puts arrays into the page.
+`viewer.viewer_html` assembles the page from `page.html`, `page.css`, the scripts in this folder, and `Layer`s, which
+are shader text with its textures. `source_table` tabulates the source for its layer, `homofact.meshes` reads meshes,
+and `packing` encodes arrays for the page.
 """

@@ -1,7 +1,7 @@
-"""A self-contained HTML file of its parts: head, body, style, scripts and data, nothing loaded from anywhere.
+"""Assemble a self-contained HTML file from head, body, style, scripts and data; it loads no other file.
 
-The data are JSON in a script element, `<` written as \\u003c so that nothing in them ends it; texts are made
-`harmless`. Scripts share one function's scope.
+The data are JSON in a script element. They contain `<` only as \\u003c, so that no text can end the element, and all
+strings are `harmless`. All scripts share the scope of one function.
 """
 
 import html
@@ -22,7 +22,7 @@ _PIECES = re.compile(r"\{\{(start|choice|exposure|help|end|scripts)(?: ([^{}]*))
 
 @cache
 def part(package: str, name: str) -> str:
-    """Return the text of a package's file, without the blank lines round it."""
+    """Return the text of a package's file, without blank space at its start and end."""
     return files(package).joinpath(name).read_text(encoding="utf-8").strip()
 
 
@@ -38,11 +38,11 @@ def assembled(
     head: str | None = None,
     content: str = "",
 ) -> str:
-    """Return the page: head.html and the `body` that goes on from it, with {{title}}, {{data}} and the like filled in.
+    """Return the page: head.html followed by `body`, with {{title}}, {{data}} and the other placeholders filled in.
 
-    What pages have alike is put in first (`_pieced`). `policy` is what the page may load beside pictures in its data;
-    `head` is another text than head.html; `content` is HTML that was made, in which no mark is looked for. The one
-    style and the one script are allowed by their digests: nothing else in the page runs.
+    Shared pieces of pages are inserted first (`_pieced`). `policy` lists what the page may load besides pictures in its
+    data. `head` replaces head.html. `content` is generated HTML, in which placeholders are not filled in. The
+    Content-Security-Policy allows the one style and the one script by their digests, so nothing else in the page runs.
     """
     # In JSON a letter may be written by its number: the text can then neither end nor open anything in HTML.
     text = json.dumps(harmless_words(data), ensure_ascii=False, allow_nan=False, separators=(",", ":"))
@@ -64,7 +64,7 @@ def assembled(
 
 
 def _pieced(text: str) -> str:
-    """The text with all pieces put in, those of pieces too."""
+    """Return the text with all shared pieces inserted, also those within pieces."""
 
     def piece(match: re.Match[str]) -> str:
         words = (match[2] or "").split("|")

@@ -25,7 +25,7 @@ EIGHT_BITS = 255
 
 
 def fit_layer(fitted: Fitted, key: str, title: str, facts: Facts = ()) -> Layer:
-    """Return the layer of a fit; `facts` come before what it costs.
+    """Return the layer of a fit; its facts are `facts`, then the cost of an evaluation.
 
     Raises BadInput for channels that the page cannot show.
     """
@@ -42,7 +42,7 @@ def fit_layer(fitted: Fitted, key: str, title: str, facts: Facts = ()) -> Layer:
 
 
 def check_shown(channels: Sequence[str]) -> None:
-    """Raise BadInput for channels that are neither one nor red, green and blue."""
+    """Raise BadInput unless there is one channel, or red, green and blue."""
     if len(channels) == 1 or (len(channels) == 3 and wavelengths_of(channels) is None):
         return
     listed = ", ".join(channels[:3]) + (" …" if len(channels) > 3 else "")
@@ -55,7 +55,7 @@ def check_shown(channels: Sequence[str]) -> None:
 
 
 def _prefix(program: Program, key: str) -> str:
-    """What the generated names begin with: `key` itself, unless its function gives one number and not three."""
+    """Return the prefix of generated names: `key`, or another one if the program returns one number."""
     return key if len(program.channels) == 3 else f"{key}_grey"
 
 
@@ -78,9 +78,9 @@ def _texture(name: str, encoded: Encoded, texture: Texture) -> LayerTexture:
 
 
 def _costs(program: Program, encoded: Sequence[Encoded], without_textures: int) -> Facts:
-    """Textures, their bytes without the fourth channel, fetches, operations beyond the change of frame.
+    """Return facts: textures, bytes without the fourth channel, fetches, and operations besides the change of frame.
 
-    A fit without textures has the bytes of its numbers, `without_textures`.
+    For a fit without textures, `without_textures` is its number of bytes.
     """
     cost = cost_of(program, sum(each.stored.nbytes for each in encoded) if encoded else without_textures)
     kinds = Counter(

@@ -1,8 +1,8 @@
-"""Arrays in an HTML page: bytes grouped, deflated, in base64.
+"""Encode arrays for an HTML page: group their bytes, deflate them, and write base64.
 
-An element's bytes are stored apart: first the lowest byte of all elements, then the next (little-endian). The high
-bytes of neighbouring numbers are alike, the low ones are noise, and deflate does better with each by itself. The
-page undoes it in `data.js`.
+The bytes of an element are stored separately: first the lowest byte of all elements, then the next (little-endian). The
+high bytes of neighbouring numbers are similar and the low bytes are noise, so deflate compresses them better
+separately. The page decodes them in `data.js`.
 """
 
 import base64
@@ -19,7 +19,7 @@ TYPES = ("float32", "float16", "uint8", "uint16", "int16", "uint32", "int32")
 
 
 def pack(array: np.ndarray) -> dict[str, Any]:
-    """Return `array`, of one of TYPES, as JSON: its type, its shape, and its bytes, the last axis fastest."""
+    """Return `array`, of a type in TYPES, as JSON: type, shape, and bytes in C order."""
     if array.dtype.name not in TYPES:
         raise ValueError(f"an array of {array.dtype.name}, expected one of {', '.join(TYPES)}")
     plain = np.ascontiguousarray(array, array.dtype.newbyteorder("<"))
@@ -29,9 +29,9 @@ def pack(array: np.ndarray) -> dict[str, Any]:
 
 
 def without_repeats(data: dict[str, Any]) -> dict[str, Any]:
-    """Return a page's data with each packed array once: equal ones are in the list "repeated", named by their index.
+    """Return a page's data with repeated packed arrays moved to the list "repeated" and referenced by index.
 
-    The page undoes it by `restored` of `data.js`.
+    The page restores them with `restored` of `data.js`.
     """
     counts: Counter[tuple[Any, ...]] = Counter()
 
@@ -75,7 +75,7 @@ def _children(node: Any) -> list[Any]:
 
 
 def differences(array: np.ndarray, axes: tuple[int, ...]) -> np.ndarray:
-    """Return each element less the one before it along each of `axes`, the first as it is; integers wrap around."""
+    """Return differences of successive elements along each of `axes`, keeping the first; integers wrap around."""
     for axis in axes:
         first = np.take(array, [0], axis)
         array = np.concatenate((first, np.diff(array, axis=axis)), axis).astype(array.dtype)
@@ -83,7 +83,7 @@ def differences(array: np.ndarray, axes: tuple[int, ...]) -> np.ndarray:
 
 
 def boxed(positions: np.ndarray) -> dict[str, Any]:
-    """Positions (V, 3) rounded to 1/65535 of their box: its `low` corner, the `step` along each axis, and the codes."""
+    """Quantize positions (V, 3) to 1/65535 of their box: return its `low` corner, `step` per axis, and codes."""
     low, high = positions.min(0), positions.max(0)
     step = np.maximum(high - low, 1e-12) / 65535
     codes = np.rint((positions - low) / step).astype(np.uint16)
@@ -91,6 +91,6 @@ def boxed(positions: np.ndarray) -> dict[str, Any]:
 
 
 def halves(values: np.ndarray) -> tuple[np.ndarray, float]:
-    """(float16, scale): what is stored of values; their product is within 2⁻¹¹ of each, or 1e-12 of the largest."""
+    """Return (float16, scale) whose product equals each value within 2⁻¹¹, or within 1e-12 of the largest value."""
     scale = float(np.float32(max(float(np.nanmax(np.abs(values), initial=0.0)), 1e-30) / _LARGEST))
     return (values / scale).astype(np.float16), scale

@@ -1,9 +1,9 @@
-"""The page of a fit: the fit, McCool's projections fitted at the same size and ε, and the source side by side.
+"""Write the page of a fit: the fit, McCool's projections fitted at the same size and ε, and the source.
 
     write_view(homofact.load("out/paint"), "paint.html")
 
-The page shows the errors of both fits beside the pictures, on the same samples: those held out of both, if the fit has
-recorded its split.
+Beside the pictures, the page shows the errors of both fits on the same samples. These are held out from both fits if
+the fit has recorded its split.
 """
 
 import os
@@ -32,8 +32,8 @@ SHOWN = {"search": "Searched fit", "cole": "Cole's fit", "mccool": "McCool", "sv
 class ViewerPage:
     """A page that was written: its `file` and `size` in bytes, the titles of its pictures, and its `record` for JSON.
 
-    `reports` are how the fits ended that were made for the page, by title. `caution` is empty, or says why the page
-    shows the fit alone, or that its errors may be on samples that the fit has seen.
+    `reports` maps the titles of fits made for the page to their reports. `caution` is empty, or a warning: the page
+    shows the fit alone and why, or its errors may be on training samples.
     """
 
     file: Path
@@ -57,14 +57,15 @@ def write_view(
     shown: "Layer | None" = None,
     baselines: "dict[Any, FitWithErrors] | None" = None,
 ) -> ViewerPage:
-    """Write the page of a fit to `path` (one HTML file without network, `new` where none may be replaced); its facts.
+    """Write the page of a fit to `path`, one HTML file that works offline, and return its facts.
 
-    The source is the fit's own, found as `reopen` does with the folders `near`, unless another is given. Where it is
-    gone the page shows the fit alone and says why; the errors and the verdict are then those of `report`, the record of
-    the fit (`ComparisonRow.record`), where it is given. `stage` is called with a description of each step. `shown` is
-    the source's layer where another page had it made, `baselines` the fits of McCool's projections that other pages of
-    the same source had made, to which this one's is added. Raises BadInput for channels that cannot be shown, a
-    `source` that is given and cannot be read, and a place that cannot be written.
+    By default, the source is the fit's own; `reopen` looks for it, also in the folders `near`. If it cannot be found,
+    the page shows the fit alone and the reason. Its errors then come from `report`, the record of the fit
+    (`ComparisonRow.record`), if given; the verdict always does. `stage` is called with a description of each step. If
+    `new`, an existing file is an error. `shown` is the source's layer, if another page of the source has made it.
+    `baselines` are the fits of McCool's projections for other pages of the source; this page adds its own. Raises
+    BadInput for channels that cannot be shown, for a given `source` that cannot be read, and for a path that cannot be
+    written.
     """
     from homofact.evaluation.metrics import measure
     from homofact.shading.program import name_of
@@ -130,7 +131,7 @@ def write_view(
 
 
 def shown_source(source: Reopened) -> "Layer":
-    """Return the layer of a source, which all pages of its fits may share. Raises BadInput as `source_layer`."""
+    """Return the source's layer, to share among pages of its fits. Raises BadInput as `source_layer` does."""
     from homofact.web.viewer import source_layer
 
     own = source.source
@@ -142,7 +143,7 @@ def shown_source(source: Reopened) -> "Layer":
 def _mccool(
     fitted: "Fitted", source: Reopened, stage: Stage, made: "dict[Any, FitWithErrors]"
 ) -> "FitWithErrors | None":
-    """McCool's projections on the same split, of the same size and ε; None where the fit is that itself."""
+    """Fit McCool's projections on the same split, at the same size and ε; None if the fit is this fit already."""
     from homofact.evaluation.compare import fit_baseline
     from homofact.methods.table import mccool_like
 
@@ -157,7 +158,7 @@ def _mccool(
 
 
 def _error_facts(errors: Mapping[str, Any], part: str) -> "Facts":
-    """Rows of a card: the Cole error on both parts, and two that are easier to imagine."""
+    """Return rows of a card: the Cole error on both parts, and log MAE and MAE."""
     tested, train = errors.get(part, {}), errors.get("train", {})
     words = {"held_out": "held out", "source": "of the source"}[part]
     rows = (
@@ -170,7 +171,7 @@ def _error_facts(errors: Mapping[str, Any], part: str) -> "Facts":
 
 
 def _verdict(report: Mapping[str, Any]) -> "Facts":
-    """The verdict's sentence, and what is wrong in the fit by name, where the report has them."""
+    """Return the verdict's sentence, names of findings, and error bars by angle, if the report contains them."""
     verdict = report.get("verdict")
     if not isinstance(verdict, dict) or not isinstance(verdict.get("trusted"), bool):
         return ()
@@ -199,7 +200,7 @@ def _reported_errors(report: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _conditions(fitted: "Fitted", source: Reopened, compared: bool) -> list[str]:
-    """Under which conditions the numbers beside the pictures hold."""
+    """Return a note on how the errors beside the pictures were measured."""
     samples, split = source.source.samples, source.split
     turned = ", turned at random" if samples.isotropic else ""
     count = round(split.held_out * len(samples)) or len(samples)

@@ -1,4 +1,4 @@
-"""The page of a scene: what those of relighting and editing have alike, in the viewer's style and that of scenes."""
+"""Write the page of a scene: the parts that relighting and editing share, in the styles of viewer and scenes."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -28,9 +28,9 @@ def write_scene_page(
     policy: str = "",
     new: bool = False,
 ) -> int:
-    """Write page.html of a package with its scripts and styles, whole or not at all; its bytes.
+    """Write a package's page.html with its scripts and styles atomically, and return its size in bytes.
 
-    `shared` are more scripts of homofact.web. Raises BadInput for a place that cannot be written.
+    `shared` names additional scripts of homofact.web. Raises BadInput for a path that cannot be written.
     """
     tables = [[section, [[name, _shown(value)] for name, value in rows.items()]] for section, rows in numbers.items()]
     page = assembled(
@@ -54,5 +54,5 @@ def _shown(value: str | int | float) -> str:
 
 
 def percent(share: float) -> str:
-    """Return a share with three digits, however small."""
+    """Return a share in percent with three significant digits."""
     return f"{figure(100 * share)}%"

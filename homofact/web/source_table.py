@@ -1,6 +1,6 @@
-"""The source itself in the page: a table of its reflectance in a 3D texture, and the shader text that reads it.
+"""Tabulate the source for the page: its reflectance in a 3D texture, and the shader text that reads it.
 
-A pair of directions is its half vector h = (θh, φh) and the direction of ωi about it, (θd, φd):
+A pair of directions is described by its half vector h = (θh, φh) and by the direction of ωi relative to h, (θd, φd):
 
     ωi = cosθd h + sinθd (cosφd a + sinφd b),    a = ∂h/∂θh,  b = z × h / |z × h|,    ωo with φd + π.
 
@@ -13,12 +13,12 @@ Both are above the horizon where tan θd ≤ cosθh / (sinθh |cosφd|). The tab
     φh    for an anisotropic source only: slices one above the other along θh, two fetches and a mix; folded by the
           half turn and by the mirror (φh, φd) ~ (−φh, −φd) where the source has these symmetries
 
-with nodes at both ends of each. Symmetries are not declared but tried, on random pairs. The texels hold
-x = log(f/A + δ) in whole steps of 1/256, A the mean, f = A max(0, exp(x) − δ): interpolation in logarithms
-follows a lobe over decades.
+with nodes at both ends of each axis. Symmetries are tested on random pairs. The texels contain x = log(f/A + δ) in
+steps of 1/256, where A is the mean and δ = `FLOOR`; then f = A max(0, exp(x) − δ). Interpolating logarithms follows a
+lobe over several decades.
 
-What the table is off from the source is measured on directions that are no nodes, and stated in the page: the table
-is a picture of the source, not the source.
+The page states the error of the table, measured at random directions between the nodes. The table approximates the
+source.
 """
 
 import math
@@ -69,10 +69,10 @@ class TableError:
 
 @dataclass(frozen=True)
 class SourceTable:
-    """The table.
+    """A tabulated reflectance.
 
-    `steps` is (slices, θh, θd, φd, C) int16, logarithms in steps of STEP; `mean` is A (C,) in sr⁻¹; `width` the
-    warp's w.
+    `steps` is (slices, θh, θd, φd, C) int16, the logarithms in units of STEP; `mean` is A (C,) in sr⁻¹; `width` is w of
+    the warp.
     """
 
     steps: np.ndarray
@@ -89,9 +89,10 @@ class SourceTable:
         return f"{theta_h} θh × {theta_d} θd × {phi_d} φd{more}"
 
     def differences(self) -> np.ndarray:
-        """Return (3, slices · θh, θd, φd) int16 for the page: green, red less green, blue less green.
+        """Return (3, slices · θh, θd, φd) int16 for the page: green, red − green, blue − green.
 
-        Along φd and θd each node is less the one before it. One channel is three equal ones.
+        Along φd and θd, each node is stored as the difference from the previous node. A single channel is repeated
+        three times.
         """
         steps = self.steps.reshape(-1, *self.steps.shape[2:])
         red, green, blue = (steps[..., min(k, steps.shape[-1] - 1)] for k in range(3))
@@ -102,7 +103,7 @@ class SourceTable:
         return torch.from_numpy(self.steps.astype(np.float64)) * STEP
 
     def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
-        """Return what the shader gives, in float64: (N, C) in sr⁻¹ without the cosine, 0 under the horizon."""
+        """Return the shader's values in float64: (N, C) in sr⁻¹ without the cosine, 0 below the horizon."""
         place = [self._values.shape[0] - 1, *(n - 1 for n in self._values.shape[1:4])]
         x = torch.stack(_place(wi, wo, self.symmetry, self.width), -1) * torch.tensor(place, dtype=torch.float64)
         low = torch.minimum(x.floor(), torch.tensor(place, dtype=torch.float64) - 1).clamp_min(0)
@@ -118,7 +119,7 @@ class SourceTable:
         return values * ((wi[:, 2] >= 0) & (wo[:, 2] >= 0))[:, None]
 
     def glsl(self, prefix: str) -> str:
-        """GLSL ES 3.00: declares `PREFIX_texture_0`, a 3D sampler; defines `vec3 PREFIX_evaluate(vec3 wi, vec3 wo)`."""
+        """Return GLSL ES 3.00 with a 3D sampler `PREFIX_texture_0` and `vec3 PREFIX_evaluate(vec3 wi, vec3 wo)`."""
         return shader(self._program, GLSL, prefix)
 
     @property
@@ -129,7 +130,7 @@ class SourceTable:
         shape = (slices * theta_h, theta_d, phi_d)
 
         def texel(first: Expression | None = None) -> Expression:
-            """Where the sampler reads in the slice that begins at θh's node `first`."""
+            """Return the sampler coordinates in the slice that starts at row `first`, a fraction of the texture."""
             sides = [
                 axis * ((n - 1) / m)
                 for axis, n, m in zip(axes[:0:-1], (phi_d, theta_d, theta_h), shape[::-1], strict=True)
@@ -159,9 +160,10 @@ class SourceTable:
 def source_table(reflectance: Reflectance, *, pairs: int = 4096, seed: int = 0, budget: int = 150_000) -> SourceTable:
     """Return the table of a reflectance of 1 or 3 channels.
 
-    `pairs` random pairs choose its warp and measure its error; it grows until it is within ENOUGH (median and 95th
-    percentile) or its text in the page would be longer than `budget` bytes. Raises BadInput for other channels and for
-    values that are not finite. Negative values count as 0.
+    The error at random pairs determines the warp and the size. The table grows until its error is within ENOUGH (median
+    and 95th percentile), or until the next size would need more than `budget` bytes in the page. `pairs` of the pairs
+    are cosine-weighted and define the stated error; as many more lie near highlights and only help to choose the warp.
+    Raises BadInput for other channels and for values that are not finite. Negative values count as 0.
     """
     channels = len(reflectance.channels)
     if channels not in (1, 3):
@@ -197,7 +199,7 @@ def source_table(reflectance: Reflectance, *, pairs: int = 4096, seed: int = 0, 
 def _tabulate(
     reflectance: Reflectance, symmetry: Symmetry, width: float, mean: Tensor, nodes: tuple[int, int, int, int]
 ) -> np.ndarray:
-    """(φh, θh, θd, φd, C) int16: the logarithms at the nodes in steps."""
+    """Return the logarithms at the nodes in steps of STEP, (φh, θh, θd, φd, C) int16."""
     x = [torch.linspace(0, 1, n, dtype=torch.float64) for n in nodes]
     turn, theta, share, around = torch.meshgrid(*x, indexing="ij")
     phi_h = turn * symmetry.period_h * (0.5 if symmetry.mirrored else 1)
@@ -215,7 +217,7 @@ def _tabulate(
 
 
 def _place_statements(symmetry: Symmetry, width: float) -> tuple[tuple[Let, ...], list[Expression]]:
-    """(statements, a pair's place along the four axes, φh first, each in [0, 1]); φh is 0 for an isotropic source."""
+    """Return statements, and a pair's coordinates in [0, 1] on the four axes, φh first (0 if isotropic)."""
     wanted = {"theta_h", "theta_d", "azimuth_d", "reach_d"} | (set() if symmetry.isotropic else {"phi_h"})
     made = coordinates_of(frozenset(wanted))
     statements, axes = list(made.statements), made.axes
@@ -244,7 +246,7 @@ def _place_statements(symmetry: Symmetry, width: float) -> tuple[tuple[Let, ...]
 
 
 def _place(wi: Tensor, wo: Tensor, symmetry: Symmetry, width: float) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """Where pairs are along the four axes, φh first, each in [0, 1]: the shader's own steps."""
+    """Return the coordinates in [0, 1] of pairs on the four axes, φh first, computed by the shader's statements."""
     statements, axes = _place_statements(symmetry, width)
     values = {"wi": list(wi.unbind(-1)), "wo": list(wo.unbind(-1))}
     interpret(statements, values, TORCH)
@@ -253,7 +255,7 @@ def _place(wi: Tensor, wo: Tensor, symmetry: Symmetry, width: float) -> tuple[Te
 
 
 def _pairs(count: int, generator: torch.Generator) -> tuple[Tensor, Tensor]:
-    """`count` cosine-weighted pairs, and as many that are near the mirror direction, where highlights are."""
+    """Return `count` cosine-weighted pairs, and as many near the mirror direction, where highlights are."""
     wi, wo = draw_cosine_weighted(2 * count, generator)
     slope = 10 ** (-3 * torch.rand(count, dtype=torch.float64, generator=generator))
     angle = torch.rand(count, dtype=torch.float64, generator=generator) * (2 * math.pi)

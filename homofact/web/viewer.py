@@ -1,8 +1,8 @@
-"""One self-contained HTML file that shows a fit beside McCool's and its source, lit, on a sphere or a mesh.
+"""Write one self-contained HTML file that shows a fit, McCool's fit and the source on a lit sphere or mesh.
 
-The page is `page.html` with `page.css`, the scripts and the data put in: nothing is loaded from anywhere, and its
-Content-Security-Policy forbids it (`assembly`). It draws with WebGL 2, and a message names missing features. Arrays are
-packed as in `packing`.
+The page is `page.html` with `page.css`, the scripts and the data inserted. It loads no other file; its
+Content-Security-Policy forbids that (`assembly`). It renders with WebGL 2 and names missing features in a message.
+`packing` encodes its arrays.
 
 A layer provides reflectance to the page. It consists of shader text that defines `vec3 KEY_evaluate(vec3 wi, vec3 wo)`,
 the BRDF in sr⁻¹ without the cosine for unit directions in the surface frame, and of the textures that this text
@@ -45,10 +45,11 @@ class LayerTexture:
     """One texture of a layer.
 
     `name` is the sampler2D in the shader text; `pixels` (rows, columns, 4) float32, float16 or uint8, row 0 at texture
-    coordinate 0; `caption` says what it is (its projection); `mask` (rows, columns), where given, is False where no
-    pair of directions reads. The rest is only for the pictures of textures: a texel encodes pixel · `scale` + `bias` of
-    its first three channels (uint8: pixel/255), or the pixel itself if they are None. `quantity` names its value: "log"
-    for the textures of a product, "factor" for those of a sum of products.
+    coordinate 0; `caption` names the texture's projection; `mask` (rows, columns), if given, is False at texels that no
+    pair of directions reads. The other attributes are only for the displayed pictures of textures: the value of a texel
+    is pixel · `scale` + `bias` in its first three channels (for uint8, pixel/255), or the pixel itself if both are
+    None. `quantity` names the kind of value: "log" for the textures of a product, "factor" for those of a sum of
+    products.
     """
 
     name: str
@@ -60,7 +61,7 @@ class LayerTexture:
     quantity: str = "log"
 
     def __post_init__(self) -> None:
-        """Refuse other shapes and types, and texels that are not finite."""
+        """Reject invalid shapes and types, and texels that are not finite."""
         if self.pixels.ndim != 3 or self.pixels.shape[2] != 4 or 0 in self.pixels.shape:
             raise BadInput(f"pixels have shape {self.pixels.shape}", where=self.name, expected="(rows, columns, 4)")
         if self.pixels.dtype.name not in ("float32", "float16", "uint8"):
@@ -75,12 +76,12 @@ class LayerTexture:
 
 @dataclass(frozen=True)
 class Layer:
-    """One picture of the page.
+    """A reflectance that the page shows as one picture.
 
-    `key` is the prefix in `glsl` and the name for programs ("fit", "mccool", "source"; differences are to "source",
-    or to the last layer where there is none); `title` is for people; `facts` are (name, value) pairs for the
-    table of numbers, those of the same name in one column; `table` is the source's own texture. `measured_to` is the
-    largest angle in degrees of a source known only at its samples.
+    `key` is the prefix in `glsl` and identifies the layer ("fit", "mccool", "source"). The page shows differences from
+    "source", or from the last layer if there is no source. `title` is the displayed name. `facts` are (name, value)
+    pairs for the table of numbers; layers share a column for equal names. `table` is the source's table. `measured_to`
+    is the largest angle in degrees of a source known only at its samples.
     """
 
     key: str
@@ -92,7 +93,7 @@ class Layer:
     measured_to: float | None = None
 
     def __post_init__(self) -> None:
-        """Refuse a key that is no name in GLSL, and shader text that does not define what the page calls."""
+        """Reject a key that is no GLSL identifier, and shader text without the function or textures of the layer."""
         if not re.fullmatch(r"[a-z][a-z0-9_]*", self.key):
             raise BadInput(f"key is {self.key!r}", where="layer", expected="small letters, digits and _")
         names = [f"vec3 {self.key}_evaluate", *(texture.name for texture in self.textures)]
@@ -102,7 +103,7 @@ class Layer:
 
 
 def source_layer(reflectance: Reflectance, facts: Facts = (), seed: int = 0) -> Layer:
-    """Return the source as a layer: a table (`source_table`), which its facts mention; the page's notes give its error.
+    """Return the source as a layer with a `source_table`; its facts state the table's size, the notes its error.
 
     Raises BadInput as `source_table`.
     """
@@ -115,11 +116,12 @@ def source_layer(reflectance: Reflectance, facts: Facts = (), seed: int = 0) -> 
 def viewer_html(
     layers: Sequence[Layer], *, title: str, subtitle: str = "", mesh: Mesh | None = None, notes: Sequence[str] = ()
 ) -> str:
-    """Return the page.
+    """Return the HTML text of the page.
 
-    `layers` in the order of the pictures, one to three; `title` and `subtitle` head it; `mesh` is shown at first where
-    given, else the sphere, and a torus knot can be; `notes` are lines of text beside the picture, before the page's own
-    on how close the source's table is. Raises BadInput for no or more than three layers, and for keys that repeat.
+    `layers` are one to three layers in the order of the pictures. `title` and `subtitle` are the page's headings. If
+    `mesh` is given, the page shows it first; otherwise it shows a sphere first and offers a torus knot. `notes` are
+    lines of text beside the picture; the page adds a note on the error of the source's table. Raises BadInput for no or
+    more than three layers, and for keys that repeat.
     """
     keys = [layer.key for layer in layers]
     if not 1 <= len(keys) <= 3 or len(set(keys)) < len(keys):
@@ -157,9 +159,9 @@ def write_viewer(
     notes: Sequence[str] = (),
     new: bool = False,
 ) -> int:
-    """Write `viewer_html` to `path`, whole or not at all; its bytes.
+    """Write `viewer_html` to `path` atomically, and return its size in bytes.
 
-    `new` says that nothing there may be replaced. Raises BadInput as `viewer_html`, and for a place that cannot be
+    If `new`, an existing file is an error. Raises BadInput as `viewer_html` does, and for a path that cannot be
     written.
     """
     data = viewer_html(layers, title=title, subtitle=subtitle, mesh=mesh, notes=notes).encode("utf-8")
@@ -197,7 +199,7 @@ def _texture(texture: LayerTexture) -> dict[str, Any]:
 
 @cache
 def _knot() -> Mesh:
-    """The page's own mesh, its vertices in the order that its triangles ask for: their differences pack well."""
+    """Return the page's default mesh, its vertices in the order of use by triangles, which compresses well."""
     made = torus_knot(*KNOT)
     corners = made.triangles.reshape(-1)
     order = corners[np.sort(np.unique(corners, return_index=True)[1])]

@@ -41,7 +41,7 @@ def test_silent_fits_are_counted_with_their_error_bars() -> None:
             "2 fits are silently wrong; the error bar of total reflected light covers the true error of 1",
         ),
         (CELLS, "1 fit is silently wrong; the error bar of total reflected light covers the true error of 0"),
-        (CELLS[:4], "No fits are silently wrong."),
+        ((*CELLS[:4], *CELLS[5:]), "No fits are silently wrong."),
     ):
         assert sentence in " ".join(document(Atlas(PLAN, cells, {}, ()), [], "pictures", "an abacus").split())
 

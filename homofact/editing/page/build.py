@@ -200,7 +200,7 @@ def _turned(normals: np.ndarray) -> np.ndarray:
 
 
 def _sky(lighting: Lighting) -> dict[str, Any] | None:
-    """The light's maps as one lat-long picture of red, green and blue, softened by the page; None where it has none."""
+    """Return the light's maps as one RGB lat-long picture, which the page blurs; None if the light has no map."""
     if not any(isinstance(light, EnvironmentMap) for light in lighting.lights):
         return None
     rows, finer = _SKY_ROWS, 4 * _SKY_ROWS
@@ -234,5 +234,5 @@ def _part(prepared: PreparedScene, part: PreparedTerm) -> dict[str, Any]:
 
 
 def _received(rows: np.ndarray, senders: np.ndarray) -> dict[str, Any]:
-    """The view's rows of light from surfaces, and the number of the sender of each."""
+    """Return the rows of a view's light from surfaces, and the sender's index for each row."""
     return {"rows": pack(differences(rows.astype(np.int32), (0,))), "senders": pack(senders.astype(np.uint16))}

@@ -44,7 +44,7 @@ def coded(transport: LowRank) -> Coded:
 
 
 def _edits(bands: tuple[int, ...]) -> np.ndarray:
-    """ρ (J·K, n) of edits by half to twice, of every band by itself and of an eighth of each angle at once."""
+    """Return ρ (J·K, n) of random edits by factors of ½ to 2: of eighths of each angle, and of single bands."""
     generator = np.random.default_rng(0)
     found = []
     for steps in (*[min(8, *bands)] * _EDITS, *[0] * _EDITS):
@@ -57,6 +57,6 @@ def _edits(bands: tuple[int, ...]) -> np.ndarray:
 
 
 def _steps(wanted: np.ndarray, largest: np.ndarray) -> np.ndarray:
-    """Steps that 16 bits are enough for; a column of zeros has 1."""
+    """Return quantization steps for which 16 bits suffice; 1 for columns of zeros."""
     found = np.maximum(wanted, largest / _LARGEST)
     return np.where(found > 0, found, 1.0)

@@ -115,14 +115,14 @@ def to_rusinkiewicz(wi: Tensor, wo: Tensor) -> tuple[Tensor, Tensor, Tensor, Ten
 
 
 def _between(place: Tensor, count: int) -> tuple[tuple[Tensor, Tensor], tuple[Tensor, Tensor]]:
-    """The two levels about a place, with their weights."""
+    """Return the two levels around a position, with their interpolation weights."""
     low = place.floor().to(torch.int64).clamp(0, max(count - 2, 0))
     share = place - low if count > 1 else torch.zeros_like(place)
     return (low, 1 - share), ((low + 1).clamp_max(count - 1), share)
 
 
 def _around(phi: Tensor, count: int) -> tuple[tuple[Tensor, Tensor], tuple[Tensor, Tensor]]:
-    """The same of an azimuth in `count` steps round."""
+    """Return the same for an azimuth, with `count` periodic levels."""
     place = (phi / (2 * math.pi)) % 1 * count
     low = place.floor()
     share = place - low if count > 1 else torch.zeros_like(place)

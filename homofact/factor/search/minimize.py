@@ -53,7 +53,7 @@ class MeasuredObjective:
     """An objective that records the best vector so far and the trace of improvements."""
 
     def __init__(self, objective: Objective | JointObjective, deadline: float) -> None:
-        """`deadline` is on the clock of time.perf_counter."""
+        """Wrap an objective; `deadline` is on the clock of time.perf_counter."""
         self.objective = objective
         self._deadline = deadline
         self._began = time.perf_counter()

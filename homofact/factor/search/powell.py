@@ -78,7 +78,7 @@ class Powell:
 
 
 def _unit_speed(direction: Rotation) -> Rotation:
-    """The direction with the same axes whose power t turns by t radians of quaternion angle in all."""
+    """Scale a direction about the same axes, so that its power t has a total quaternion angle of t radians."""
     q = direction.quaternions
     length = float(torch.atan2(q[:, 1:].norm(dim=1), q[:, 0]).norm())
     return direction if length < 1e-12 else direction ** (1 / length)

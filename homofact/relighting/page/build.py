@@ -228,9 +228,10 @@ def _object(given: PageObject, colours: np.ndarray | None) -> dict[str, Any]:
 
 
 def _lobe(lobe: SeparateLobe, size: int) -> dict[str, Any]:
-    """Words of 64 texels that a vertex sees as bytes, the lowest first: in this order, deflate packs them best.
+    """Return a lobe's data for the page, with the visibility masks as little-endian bytes.
 
-    `divisions` of the texels of a cube map of `size`.
+    `divisions` is how often texels of a cube map of `size` are subdivided. A mask is a 64-bit word for 64 texels; this
+    byte order compresses best.
     """
     sight = pack(np.ascontiguousarray(lobe.sight.plain, "<u8").view(np.uint8))
     return {**_table(lobe.table), "divisions": texel_divisions(lobe.table.half_width, size), "sight": sight}
@@ -243,7 +244,7 @@ def _table(table: LobeTable) -> dict[str, Any]:
 
 
 def _sunlight(lit: Sunlight, positions: np.ndarray) -> dict[str, Any]:
-    """Return the visible parts of the discs as bytes (255 is a whole disc), and the number of directions of f."""
+    """Return the visible shares of the discs as bytes, where 255 is the whole disc, and counts of directions."""
     seen = np.rint(lit.seen * 255).astype(np.uint8)
     counts = [lit.directions(light, positions) for light in lit.lights]
     bounced = None if lit.bounced is None else _halves(lit.bounced)
@@ -252,7 +253,7 @@ def _sunlight(lit: Sunlight, positions: np.ndarray) -> dict[str, Any]:
 
 
 def _tint(tint: SurfaceTint, terms: int) -> dict[str, Any]:
-    """The texture, of at most `MOST_TEXELS` a side, as bytes by sRGB's curve of parts of its largest tint."""
+    """Return the texture, at most `MOST_TEXELS` a side, as sRGB-encoded bytes relative to its largest tint."""
     texels = _smaller(tint.tints.astype(np.float64))
     scale = texels.max((0, 1)).clip(1e-12)
     codes = np.rint(255 * encode_srgb(torch.from_numpy(texels / scale)).numpy()).astype(np.uint8)
@@ -263,7 +264,7 @@ def _tint(tint: SurfaceTint, terms: int) -> dict[str, Any]:
 
 
 def _bumps(bumps: SurfaceNormals, tilted: TiltedView) -> dict[str, Any]:
-    """The normal map, of at most `MOST_TEXELS` a side, as bytes of which 128 is 0; and what tilted normals do."""
+    """Return the normal map as bytes with offset 128, at most `MOST_TEXELS` a side, and the tilted-view data."""
     normals = _smaller(bumps.vectors.astype(np.float64))
     normals /= np.linalg.norm(normals, axis=2, keepdims=True).clip(1e-6)
     return {
@@ -277,9 +278,9 @@ def _bumps(bumps: SurfaceNormals, tilted: TiltedView) -> dict[str, Any]:
 
 
 def _smaller(texels: np.ndarray) -> np.ndarray:
-    """A texture (H, W, 3) of at most `MOST_TEXELS` a side: means of two along each side that is too long.
+    """Halve a texture (H, W, 3) along each side longer than `MOST_TEXELS`, by means of two texels.
 
-    An odd row or column is left out.
+    The last row or column of an odd number is omitted.
     """
     while max(texels.shape[:2]) > MOST_TEXELS:
         across = [2 if size > MOST_TEXELS else 1 for size in texels.shape[:2]]
@@ -306,7 +307,7 @@ def turns(rows: np.ndarray) -> np.ndarray:
 
 
 def _basis(basis: WaveletTransport) -> dict[str, Any]:
-    """Places as differences from the one before, of a vector's first as they are; numbers with their sign last."""
+    """Encode indices as differences within each vector, and numbers with the sign in the lowest bit."""
     count = np.diff(basis.start)
     place = differences(basis.index, (0,))
     first = basis.start[:-1][count > 0]

@@ -42,7 +42,7 @@ def coarse_triangles(mesh: Mesh) -> np.ndarray | None:
 
 
 def _collapses(triangles: np.ndarray, positions: np.ndarray, normals: np.ndarray, most: int) -> np.ndarray:
-    """(V,) the vertex that each becomes in one round of at most `most` collapses: mostly itself."""
+    """Return the vertex (V,) into which each vertex collapses in one round of at most `most` collapses."""
     edges = np.concatenate([triangles[:, pair] for pair in ([0, 1], [1, 2], [2, 0])])
     one, sides = np.unique(np.sort(edges, 1), axis=0, return_counts=True)
     held = np.zeros(len(positions), np.bool_)
@@ -67,7 +67,7 @@ def _round(
     around: np.ndarray,
     most: int,
 ) -> np.ndarray:
-    """The collapses; `held` (V,) may not go, and what has a part in one is held from then on."""
+    """Return the collapses of a round; `held` (V,) vertices and neighbours of a collapse do not move."""
     target = np.arange(len(positions))
     touched = np.zeros(len(positions), np.bool_)
     mark = np.full(len(positions), -1)
@@ -101,7 +101,7 @@ def _fits(
     v: int,
     u: int,
 ) -> bool:
-    """Whether v may become u: their rings share two vertices alone, and none of v's triangles turns over."""
+    """Return whether v may collapse into u: their rings share only two vertices, and no triangle flips."""
     for p in range(start[u], start[u + 1]):
         for w in triangles[around[p]]:
             mark[w] = u
@@ -125,13 +125,13 @@ def _fits(
 
 @kernel()
 def _cosine(a: np.ndarray, b: np.ndarray) -> float:
-    """Of the angle between two vectors; 0 where one has no length."""
+    """Return the cosine of the angle between two vectors; 0 if one has zero length."""
     lengths = np.sqrt((a**2).sum() * (b**2).sum())
     return (a * b).sum() / lengths if lengths > 0 else 0.0
 
 
 @kernel()
 def _normal(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
-    """The cross product of a triangle's sides."""
+    """Return the cross product of two sides of a triangle."""
     p, q = b - a, c - a
     return np.array([p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]])

@@ -26,7 +26,7 @@ def cached_order(triangles: np.ndarray) -> np.ndarray:
 
 @kernel()
 def _walk(triangles: np.ndarray, start: np.ndarray, around: np.ndarray, left: np.ndarray) -> np.ndarray:
-    """The numbers of the triangles in order; `left` (V,) is used up."""
+    """Return the triangle indices in drawing order; `left` (V,), the remaining triangles per vertex, is overwritten."""
     vertices = len(left)
     stamp = np.full(vertices, -CACHE - 1)
     drawn = np.zeros(len(triangles), np.bool_)

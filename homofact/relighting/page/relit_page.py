@@ -42,7 +42,7 @@ def write_relit_page(
 
 
 def _built_in(size: int, there: Sequence[str], shown: Sequence[str]) -> list[PageSky]:
-    """The named lightings that are maps, but those that are `there`; told from files that are `shown` by their name."""
+    """Return the named lightings that are maps and not yet `there`, renamed if a file `shown` has the name."""
     found = []
     for name in NAMED:
         lights = named_lighting(name).lights
