@@ -1,1 +1,1 @@
-"""The command line, one file a command. Heavy imports wait until a command runs."""
+"""The command line, with one file per command. Heavy imports wait until a command runs."""

@@ -33,7 +33,7 @@ def draw_charts(
 ) -> None:
     """Draw the charts of all sources into the folder, and print their tables.
 
-    Raises BadInput for settings of a comparison's tables beside a chart.
+    Raises BadInput for settings of a comparison's tables, which a chart does not use.
     """
     asked = settings.compare
     for name in _TABLES:
@@ -69,12 +69,12 @@ def draw_charts(
 
 
 def varied_settings(asked: "CompareSettings") -> dict[str, Any]:
-    """Return what a chart varies, by the setting of a method: the values that were given, else the usual ones."""
+    """Return the settings that a chart varies, with their given values or the defaults."""
     return {name: getattr(asked, name) or usual for name, usual in CHARTED.items()}
 
 
 def charted_methods(settings: "Config", screen: "Screen") -> "dict[str, Method]":
-    """Return the methods by label, as the first of a chart's runs has them; a note names settings without effect.
+    """Return the methods by label, with the settings of a chart's first run; print settings without effect.
 
     The values that the chart varies override [fit].
     """
@@ -92,7 +92,7 @@ def charted_methods(settings: "Config", screen: "Screen") -> "dict[str, Method]"
 def compared_methods(settings: "Config", screen: "Screen") -> "dict[str, Method]":
     """Return the methods by label, for a comparison without a chart; a note names settings without effect.
 
-    Raises BadInput for several counts of textures, sizes or searches, which only a chart takes.
+    Raises BadInput for several numbers of textures, sizes or searches, which only a chart accepts.
     """
     first = {}
     for name in CHARTED:

@@ -1,4 +1,4 @@
-"""`homofact doctor`: what is installed, what of it works, and what would be needed for the rest."""
+"""`homofact doctor`: which parts are installed, which of them work, and what is missing for the others."""
 
 import platform
 import shutil
@@ -47,7 +47,7 @@ _STYLES = {"works": "green", "installed": "green", "missing": "yellow", "fails":
 
 
 class Diagnosis(NamedTuple):
-    """One line: what it is, its state (a key of `_STYLES`), and a word about it."""
+    """One line: the part and its name, its state (a key of `_STYLES`), and a comment."""
 
     part: str
     name: str

@@ -1,4 +1,4 @@
-"""`homofact edit`: a scene whose materials are edited under its light, and an edit taken into textures."""
+"""`homofact edit`: prepare a scene to edit its materials under its light, and turn an edit into textures."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -112,7 +112,7 @@ def _show_textures(found: "EditedTextures", out: Path, screen: Screen) -> None:
 
 
 def part_table(parts: "tuple[PartError, ...]") -> Table:
-    """Return a line a part: what is stored of it, and how far off all bands it is."""
+    """Return one line per part: its pixels, bands, rank, and the error of the low rank against all bands."""
     table = plain_table()
     add_names(table)
     add_figures(table, "pixels", "bands", "rank", "low rank against all bands")
@@ -124,6 +124,6 @@ def part_table(parts: "tuple[PartError, ...]") -> Table:
 
 
 def light_line(record: dict[str, Any]) -> str:
-    """Return how far off the triangles and the bands are, in each view."""
+    """Return a line with the error of the triangles of light and the bands, in each view."""
     errors = ", ".join(f"{view} {error:.2%}" for view, error in record["error"]["lights_and_bands"].items())
     return f"{record['triangles']} triangles of light and the bands, against a finer division: {errors} (relative RMS)"

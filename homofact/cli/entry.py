@@ -1,4 +1,4 @@
-"""The console script: the commands are loaded where an interrupt is no fault, and a closed stream is there."""
+"""The console script: it handles an interrupt while the commands load, and replaces closed streams."""
 
 import contextlib
 import gc

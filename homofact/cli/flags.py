@@ -1,4 +1,4 @@
-"""What the library advises, in the words of the command line: `robust=True` as --robust."""
+"""Translate advice of the library into command-line options: `robust=True` becomes --robust."""
 
 import ast
 import re
@@ -14,7 +14,7 @@ _COMMANDS = {"fit": "factorize", "terms": "research terms"}
 
 
 def option(advice: Advice) -> str:
-    """Return the option of a setting with its value; the whole command where it is not the one that was run."""
+    """Return the option and value for an advised setting, with the whole command if it is another command."""
     flag = advice.setting.replace("_", "-")
     if isinstance(advice.value, bool):
         words = f"--{flag}" if advice.value else f"--no-{flag}"
@@ -31,6 +31,6 @@ def _command(function: str, given: str | None) -> str:
 
 
 def with_options(text: str) -> str:
-    """Return a text of the library with the options and commands for all that it advises."""
+    """Replace the advice in a text of the library by options and commands."""
     text = _FUNCTION.sub(lambda match: _command(match[1], match[2]), text)
     return _ADVICE.sub(lambda match: option(Advice(match[2], ast.literal_eval(match[3]), match[1] or "")), text)

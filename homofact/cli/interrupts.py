@@ -1,7 +1,7 @@
-"""Whether Ctrl-C came while a command ran, and whether the user was told what became of it.
+"""Track whether Ctrl-C was pressed while a command ran, and whether the command reported it.
 
-A search that is interrupted keeps its best and reports it. But an interrupt can also be lost: raised in a callback or a
-destructor of a library, Python's exception ends nothing. A command then must not end as if nobody had asked it to stop.
+An interrupted search keeps its best result and reports it. But an interrupt can also be lost: in a callback or a
+destructor of a library, Python's exception has no effect. The command must not end as if there had been no interrupt.
 """
 
 import signal
@@ -14,7 +14,7 @@ from types import FrameType
 
 @dataclass
 class Watch:
-    """Whether an interrupt came that nothing was said of."""
+    """A record of interrupts: `untold` is true after an interrupt that was not reported."""
 
     untold: bool = False
 
@@ -46,6 +46,6 @@ def watched() -> Iterator[Watch]:
 
 
 def told() -> None:
-    """Note that the user hears what became of the interrupt."""
+    """Record that the command has reported the interrupt to the user."""
     for watch in _watches:
         watch.untold = False

@@ -1,4 +1,4 @@
-"""How every table of the commands looks: read in 80 columns, figures whole, names broken only where they must be."""
+"""The layout of all tables: made for 80 columns, with unbroken figures, and names broken only if necessary."""
 
 import re
 
@@ -19,10 +19,10 @@ _JOINTS = re.compile(r"(?<=[-_.+:/#,])|(?= )")
 
 
 class WholeWords(Table):
-    """A table that breaks no word of a cell as long as the terminal has room for its longest words.
+    """A table that breaks no words as long as the terminal has room for the longest words.
 
-    Rich shares the room of wide columns out by their widths, so that a name breaks inside a word beside a long text.
-    Where the words themselves have no room, names break at their joints, as "blue-" and "paint".
+    Rich distributes the room by the widths of the columns, so a name beside a long text would break inside a word. If
+    there is no room for whole words, names break after punctuation, for example into "blue-" and "paint".
     """
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
@@ -103,23 +103,23 @@ def plain_table(title: str | None = None) -> Table:
 
 
 def add_names(table: Table, header: str = "", longest: int = 0) -> None:
-    """A column of names, broken where the terminal is too narrow.
+    """Add a column of names, which break if the terminal is too narrow.
 
-    Where the longest is known to have at most `LEAST_NAME` characters they stay whole, and other words are broken.
+    If `longest`, the length of the longest name, is given and at most `LEAST_NAME`, these names never break.
     """
     table.add_column(header, overflow="fold", no_wrap=0 < longest <= LEAST_NAME)
 
 
 def add_figures(table: Table, *headers: str) -> None:
-    """Columns of figures, flush right and never broken."""
+    """Add columns of figures, right-aligned and never broken."""
     for header in headers:
         table.add_column(header, justify="right", no_wrap=True)
 
 
 def hanging(line: str, indent: int) -> Table:
-    """Return a line that wraps under its text: what comes after the first `indent` characters.
+    """Return a line with a hanging indent: it wraps below the text that follows the first `indent` characters.
 
-    Settings that the library advises become options, as in every line of the screen.
+    Settings that the library advises become command-line options, as in all printed lines.
     """
     line = with_options(line)
     grid = Table.grid()

@@ -1,7 +1,7 @@
-"""The entry point: the commands in one application, and what becomes of an error.
+"""The entry point: one application with all commands, and the handling of errors.
 
-Exit codes: 0 done; 2 bad input or usage, one line on stderr; 1 a fault of homofact's, with the traceback;
-130 interrupted by Ctrl-C; 141 the reader of a pipe went away.
+Exit codes: 0 done; 2 bad input or usage, one line on stderr; 1 an error in homofact, with the traceback; 130
+interrupted by Ctrl-C; 141 the reader of a pipe closed it.
 """
 
 import errno

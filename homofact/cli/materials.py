@@ -12,7 +12,7 @@ from homofact.cli.screen import Screen
 def list_materials(drawing: Path | None, screen: Screen) -> None:
     """Print the named materials, and draw a sphere of each under a sky.
 
-    Raises BadInput for a picture of another ending.
+    Raises BadInput if the picture's file name does not end in .png.
     """
     if drawing is not None:
         check_file(drawing, ".png")

@@ -1,8 +1,9 @@
-"""The options of the commands, grown from what the settings' dataclasses declare, and the few that are no settings.
+"""The options of the commands: most are generated from the settings' dataclasses.
 
-`configured` gives a command the options of whole sections of the configuration, or of single keys, and hands it the
-`config.Config` that they and the file make. Every such default is None, "not given", so that a file can fill it in;
-help and the default shown are the field's own.
+`configured` adds options to a command, for whole sections or single keys of the configuration. It combines the options
+with the configuration file into a `config.Config`, and passes this to the command. The default of every such option is
+None, "not given", so that a file can set the value. The help text and the printed default come from the dataclass
+field.
 """
 
 import functools
@@ -96,10 +97,11 @@ _LONG = 20
 
 
 def configured(*keys: str, but: tuple[str, ...] = ()) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Return a command with the options of the configuration's `keys`, without those in `but`.
+    """Return a decorator that adds the options of the configuration's `keys`, without those in `but`.
 
-    A key is dotted ("evaluate.held_out"), a section's name for all that is in it, or "seed". The command's first
-    parameter is the `config.Config`; its own arguments come before the options, its own options after them.
+    A key is a dotted setting ("evaluate.held_out"), the name of a section for all its settings, or "seed". The
+    command's first parameter is the `config.Config`; its own arguments come before the options, its own options after
+    them.
     """
     wanted = {key: option for key, option in _every_option().items() if _covers(keys, key) and not _covers(but, key)}
     # In the order in which they are asked for.
@@ -133,7 +135,7 @@ def configured(*keys: str, but: tuple[str, ...] = ()) -> Callable[[Callable[...,
 
 
 class Grown:
-    """One option of the command line: what declares it (a setting of several methods: one each), and its words."""
+    """One option of the command line, made from one declaration, or from one per method that has the setting."""
 
     def __init__(self, by_method: Mapping[str, Declared]) -> None:
         """`by_method` maps the methods' names to their declarations, or "" to the only one."""
@@ -142,11 +144,11 @@ class Grown:
 
     @property
     def panel(self) -> str | None:
-        """Its heading."""
+        """The heading of its group in the help."""
         return FIT if "" not in self._by_method else self._first.option.panel
 
     def info(self, hidden: bool) -> Any:
-        """Typer's own description; `hidden` from the help that is not asked for everything."""
+        """Return Typer's description of the option; a `hidden` option is shown only by --help-all."""
         option, flag = self._first.option, f"--{self._first.flag}"
         if option.argument:
             return typer.Argument(metavar=option.metavar, help=self.help, show_default=False)
@@ -157,12 +159,12 @@ class Grown:
 
     @property
     def everyday(self) -> bool:
-        """Whether a long help shows it too: whatever is not of the source or the fit, and what they mark."""
+        """Whether a long --help shows it: all options outside the groups of source and fit, and `everyday` ones."""
         return self.panel not in (FIT, SOURCE) or any(each.option.everyday for each in self._by_method.values())
 
     @property
     def hint(self) -> Any:
-        """The type that typer reads: lists and what may be a word or a number are read from text by the field."""
+        """The type that Typer parses; lists and mixed types are mostly str, which the setting itself parses."""
         if self._first.is_list and self._first.option.argument:
             return list[str] | None
         kind = self._first.kinds[0]
@@ -170,7 +172,7 @@ class Grown:
 
     @property
     def help(self) -> str:
-        """What it is, its choices, the methods that have it, and its default."""
+        """The help text: its description, its choices, the methods that have it, and its default."""
         option = self._first.option
         whose: dict[str, list[str]] = {}
         for method, declared in self._by_method.items():
@@ -186,7 +188,7 @@ class Grown:
         return " (all methods)" if set(METHODS) <= set(methods) else f" ({', '.join(methods)})"
 
     def given(self, value: Any) -> Any:
-        """Return a value of the command line as the configuration has it; None where it was not given."""
+        """Convert a command-line value to the form of the configuration; None if it was not given."""
         if isinstance(value, str):
             return self._first.from_text(value)
         return (tuple(value) or None) if isinstance(value, list) else value
@@ -206,7 +208,7 @@ def _told(declared: Declared) -> str:
 
 
 def shown_default(declared: Declared) -> str:
-    """Return a default in words; nothing for one that is simply absent."""
+    """Return a default in words; for the default None, the words that the option declares."""
     value = declared.default
     if value is None:
         return declared.option.none

@@ -1,4 +1,4 @@
-"""`homofact plan`: no more than a scene needs, by its lighting and a tolerance."""
+"""`homofact plan`: find the smallest representations that meet a scene's tolerance under its lighting."""
 
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
@@ -138,9 +138,10 @@ def _show_transport(found: "TransportPlan", screen: Screen) -> None:
 
 
 def doubt_lines(verdicts: "Mapping[str, Verdict | None]", missed: Collection[str] = ()) -> list[str]:
-    """Return which choices their verdicts warn of, in a line each on those that meet the tolerance and that miss it.
+    """Return a line on the warned choices that meet the tolerance, and one on those that miss it.
 
-    `missed` has those labels of `verdicts` whose choices miss the tolerance, and are only the closest that was found.
+    `missed` contains the labels of `verdicts` whose choices miss the tolerance. These choices are only the closest
+    found.
     """
     names = [label for label, verdict in verdicts.items() if verdict is not None and not verdict.trusted]
     met, closest = [name for name in names if name not in missed], [name for name in names if name in missed]
@@ -157,7 +158,7 @@ def doubt_lines(verdicts: "Mapping[str, Verdict | None]", missed: Collection[str
 
 
 def finding_lines(verdicts: "Mapping[str, Verdict | None]") -> list[str]:
-    """A line on each choice, and what is noted of its data, or was not measured, where that widens an error bar."""
+    """Return the verdict of each choice, and its findings on data and coverage that widen an error bar."""
     from homofact.evaluation.verdict.finding import About
 
     lines = []
@@ -209,7 +210,7 @@ def _one_size_lines(found: "ScenePlan") -> list[str]:
 
 
 def grade_lines(opinions: "Sequence[tuple[str, Opinion | None]]") -> list[str]:
-    """Return the grade that people would give each choice, in a line, and which choices have none, in another."""
+    """Return a line with the expected grade of each choice, and a line with the choices without a grade."""
     graded = [(name, each) for name, each in opinions if each is not None]
     lines = []
     if graded:

@@ -19,7 +19,7 @@ _SHOWN = 8
 def choice_table(plans: "Sequence[ObjectPlan]", reflected: float) -> Table:
     """List the cheapest choices for each object, with the selected one in bold.
 
-    Form, terms K, size of the maps, numbers N per vector, bytes and the error that is expected.
+    The columns are form, terms K, size of the maps, coefficients N per vector, kB, and expected error.
     """
     table = plain_table(f"Relative RMS of the light at most {reflected:g}")
     add_names(table)
@@ -38,7 +38,7 @@ def choice_table(plans: "Sequence[ObjectPlan]", reflected: float) -> Table:
 
 
 def name_with_material(name: str, material: str) -> str:
-    """Return an object's name with its material's, unless a part of a glTF file has the material of its own name."""
+    """Return the names of an object and its material; only one if a glTF part and its material have the same."""
     if material.endswith(f"#{name}"):
         return name
     return f"{name}, {Path(material.removeprefix(MATERIAL_PREFIX)).name}"

@@ -1,4 +1,4 @@
-"""What `homofact plan` prints of a scene: what to ship, what a step down or up costs, and the evidence."""
+"""The tables of `homofact plan`: the choices, the next smaller and larger representations, and the evidence."""
 
 from typing import TYPE_CHECKING
 
@@ -18,9 +18,9 @@ _UNTRUSTED = "not trusted"
 
 
 def choice_table(found: "ScenePlan") -> Table:
-    """One line per material: the choice, what it costs, and the largest error over its limit.
+    """Return one line per material: the choice, bytes and fetches, and the worst error as a share of the limit.
 
-    The choice is what to ship if it meets the tolerance, else the closest that was found.
+    If no choice meets the tolerance, it is the closest one that was found.
     """
     table = plain_table(headline(found))
     add_names(table, longest=max(len(name_of(each)) for each in found.materials))
@@ -46,7 +46,7 @@ def choice_table(found: "ScenePlan") -> Table:
 
 
 def headline(found: "ScenePlan") -> str:
-    """Return what the whole scene takes, and under which tolerance and lighting."""
+    """Return the bytes, textures and fetches of the whole scene, with its tolerance and lighting."""
     textures = sum(
         0 if plan.walk.choice is None else plan.walk.kept(plan.walk.choice).textures
         for plan in found.distinct
@@ -68,7 +68,7 @@ def fetches_in_words(fetches: float) -> str:
 
 
 def step_table(found: "ScenePlan") -> Table | None:
-    """What a smaller and a larger representation of each material would err; None where no material has either."""
+    """Return the errors of smaller and larger representations of each material; None if there are none."""
     from homofact.planning.neighbours import best_larger, larger, smaller, sufficient
 
     table = plain_table("One step smaller or larger")

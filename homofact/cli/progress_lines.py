@@ -1,4 +1,4 @@
-"""Where a command is, in lines: for stderr where it is no terminal, such as a log."""
+"""Print the progress of a command as lines, if stderr is not a terminal, for example for a log."""
 
 import math
 import threading
@@ -14,7 +14,7 @@ FIRST, SOON, EVERY = 2.0, 5.0, 15.0
 
 
 class ProgressLines:
-    """The stage of a command, its rate known from how it has gone on since the stage began."""
+    """The stage of a command; its rate is measured from the beginning of the stage."""
 
     def __init__(self, say: Callable[[str], object]) -> None:
         """Lines go to `say`."""
@@ -26,10 +26,10 @@ class ProgressLines:
 
     @contextmanager
     def running(self) -> Iterator[Progress]:
-        """Say a line after `FIRST` seconds, every `EVERY` seconds from then on, and once a new stage lasts `FIRST`.
+        """Print a line after `FIRST` seconds, then every `EVERY` seconds, and when a new stage has lasted `FIRST`.
 
-        A stage with parts or an expected time is named `SOON` after the line before it, since it may change with every
-        fit.
+        A new stage with parts or an expected time is printed no sooner than `SOON` seconds after the previous line,
+        because such a stage may change with every fit.
         """
         speaker = threading.Thread(target=self._speak, daemon=True)
         speaker.start()
@@ -79,7 +79,7 @@ def _task(step: ProgressStep) -> str:
 
 
 def time_left(seconds: float) -> str:
-    """Return the seconds that are expected to be left, in words; beyond what was expected nothing is known.
+    """Return the expected time left in words; `seconds` below 0 means that it takes longer than expected.
 
     Examples
     --------

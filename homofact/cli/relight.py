@@ -72,7 +72,7 @@ def relight(
 
 
 def likeness_line(found: Mapping[str, Any]) -> str:
-    """Return how near the whole picture is, in a line."""
+    """Return a line with the errors of the whole picture."""
     width, height = found["pixels"]
     looks = [f"PSNR {found['psnr']:.1f} dB"] if "psnr" in found else []
     looks += [f"FLIP {found['flip']:.3f}"] if "flip" in found else []
@@ -82,7 +82,7 @@ def likeness_line(found: Mapping[str, Any]) -> str:
 
 
 def interpolation_lines(objects: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Return which objects lose most between their vertices, and the remedy, in a line; none where none does."""
+    """Return a line on objects whose error is mostly interpolation between vertices; empty if there are none."""
     errors = {entry["mesh"]: entry["error"] or {} for entry in objects}
     coarse = [name for name, own in errors.items() if own.get("picture", 0.0) > _COARSE * own.get("together", math.inf)]
     if not coarse:
@@ -104,7 +104,7 @@ _ERRORS = (
 
 
 def object_table(objects: "tuple[RelitObject, ...]") -> Table:
-    """One line per object: its size, form, terms K, numbers N per vector, and the bytes that are stored of it."""
+    """Return one line per object: vertices, form, terms K, mean coefficients N per vector, and stored kB."""
     from homofact.relighting.harmonic import Harmonic
 
     table = plain_table("Transport of each object (K: terms; N: mean coefficients per vector)")
@@ -127,7 +127,7 @@ def object_table(objects: "tuple[RelitObject, ...]") -> Table:
 def error_tables(objects: Sequence[Mapping[str, Any]]) -> list[Table]:
     """Return one line per stage: relative RMS errors of each object's light, as seen from the first camera.
 
-    Several tables where the objects are more than a narrow terminal has room for.
+    If the objects do not fit into a narrow terminal, there are several tables.
     """
     from homofact.rendering.tonemap import DEFAULT_CURVE
 

@@ -71,12 +71,12 @@ class Screen:
         self._err = _Console(stderr=True)
 
     def note(self, text: str) -> None:
-        """A line on stderr, unless quiet; never wrapped."""
+        """Print a line to stderr, unless quiet; the line is never wrapped."""
         if not self.quiet:
             self._err.print(with_options(text), soft_wrap=True)
 
     def show(self, *parts: RenderableType) -> None:
-        """Tables and lines on stdout, unless --json is.
+        """Print tables and lines to stdout, unless --json is given.
 
         Lines are never wrapped. A table's title wraps at the width of the terminal, where rich would wrap it at the
         width of the table.
@@ -94,7 +94,7 @@ class Screen:
                 self._out.print(part)
 
     def answer(self, record: dict[str, Any]) -> None:
-        """With --json, the one object on stdout; a number that is not finite becomes null."""
+        """With --json, print the record as one JSON object to stdout; non-finite numbers become null."""
         if self.as_json:
             wide = self._out.encoding.startswith("utf")
             text = json.dumps(plain(record), ensure_ascii=not wide, allow_nan=False, indent=2)
@@ -102,7 +102,7 @@ class Screen:
 
     @contextmanager
     def progress(self) -> Iterator[Progress]:
-        """Return what shows the steps of a call: its notes, and on stderr a bar, or lines, while the block runs."""
+        """Yield a callback that shows the steps of a call on stderr during the block: notes, and a bar or lines."""
         terminal = self._err.is_terminal
         if self.quiet or (not terminal and (self.as_json or os.environ.get(PROGRESS) == "0")):
             yield self._say
@@ -150,7 +150,7 @@ class Screen:
 
 
 def say_ending(screen: Screen, report: Report, label: str = "") -> None:
-    """What the user should know of how a fit ended: its notes, and the remedy where it was cut short or fell back."""
+    """Print the notes of a fit, and the remedy if it was interrupted or used a fallback."""
     about = f"{label}: " if label else ""
     if report.status in (Status.INTERRUPTED, Status.FALLBACK):
         screen.note(f"homofact: {about}{report.status.remedy}")
@@ -160,7 +160,7 @@ def say_ending(screen: Screen, report: Report, label: str = "") -> None:
 
 
 def say_subset(screen: Screen, record: dict[str, Any]) -> None:
-    """How many of the training samples the fit used, if not all."""
+    """Print how many of the training samples the fit used, if not all."""
     drawn = record["subset"]
     if drawn is not None:
         screen.note(f"homofact: fitted to {drawn['samples']} of {drawn['of']} samples, from {drawn['cells']} cells")

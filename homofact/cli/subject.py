@@ -1,4 +1,4 @@
-"""What a command works on: the sources that the configuration names, with how they are read."""
+"""The sources of a command, from the configuration, with the settings for reading them."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -19,5 +19,5 @@ def source_of(settings: "Config") -> "SourceSettings":
 
 
 def sources_of(settings: "Config", paths: Sequence[str]) -> "list[SourceSettings]":
-    """Several sources, read alike; the configured one where there are no paths. Raises BadInput where there is none."""
+    """Return the sources at `paths`, or the configured source. Raises BadInput if there is neither."""
     return [replace(settings.source, path=path) for path in paths] or [source_of(settings)]

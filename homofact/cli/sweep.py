@@ -1,4 +1,4 @@
-"""`homofact sweep`: every source with every method, on all processors, survived and remembered."""
+"""`homofact sweep`: fit every source by every method on all processors, with results that survive crashes."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -88,7 +88,7 @@ def sweep(
 
 
 def summary_table(rows: "Sequence[FitRow]") -> Table:
-    """Return a line a method: how many fits, and medians over them."""
+    """Return one line per method: the number of fits, and medians over them."""
     from homofact.sweeps.summary import by_label, middle
 
     table = plain_table("Medians over all materials and seeds (albedo, peak: the factor off)")

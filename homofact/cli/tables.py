@@ -21,10 +21,10 @@ _SHORT_NAME = 10
 
 
 def error_table(records: Mapping[str, Mapping[str, Any]]) -> Table:
-    """Six metrics of every labelled record, held out over training; linear ones in sr⁻¹.
+    """Return six metrics of every labelled record, with the held-out errors above the training errors.
 
-    A fit that nothing was held out from has one line. A record of several fits has its means, and under them the
-    standard deviations.
+    A fit without held-out samples has one line. For a record of several fits, the table shows means, with standard
+    deviations below.
     """
     from homofact.evaluation.metric_table import SIX
 
@@ -65,9 +65,9 @@ def _under(spread: Mapping[str, float | None]) -> str:
 
 
 def appearance_tables(records: Mapping[str, Mapping[str, Any]]) -> list[Table]:
-    """Return what an eye would say of every labelled record, means of several fits; none where no record has it.
+    """Return tables of light and picture errors of every labelled record; empty if no record has them.
 
-    Records that were compared with something else than their source name it as "against".
+    If records were compared with another reflectance than their source, their entry "against" names it.
     """
     found = {label: record["appearance"] for label, record in records.items() if record["appearance"] is not None}
     if not found:
@@ -92,7 +92,7 @@ def appearance_tables(records: Mapping[str, Mapping[str, Any]]) -> list[Table]:
 
 
 def chart_grades(records: Sequence[Mapping[str, Any]]) -> list[Table]:
-    """Return the grade that people would give each point of a chart; none where the source is known only at samples.
+    """Return a table of the expected grades of a chart's points; empty if the source is a list of samples.
 
     A point is called "cole, 2 × 16²", and an analytic model, which has no textures, by its name alone.
     """
@@ -110,7 +110,7 @@ def chart_grades(records: Sequence[Mapping[str, Any]]) -> list[Table]:
 
 
 def identical_grade() -> str:
-    """Return the grade that is expected of identical pictures with its 90% interval: "4.4 (3.8 to 4.8)"."""
+    """Return the expected grade of identical pictures with its 90% interval: "4.4 (3.8 to 4.8)"."""
     from homofact.evaluation.opinion import opinion_table
 
     law = opinion_table().law
@@ -119,7 +119,7 @@ def identical_grade() -> str:
 
 
 def grade_table(scores: Mapping[str, float], pair: str = "fit and source") -> Table | None:
-    """Expected grades of the pictures of a `pair` by label, with their 90% intervals; None where there are none."""
+    """Return the expected grades, by label, of pictures of a `pair`, with 90% intervals; None without grades."""
     if not scores:
         return None
     from homofact.evaluation.opinion import opinion_table
@@ -137,7 +137,7 @@ def grade_table(scores: Mapping[str, float], pair: str = "fit and source") -> Ta
 
 
 def cost_table(records: Mapping[str, Mapping[str, Any]]) -> Table:
-    """Return what every labelled record's evaluation and fit cost, and how the fit ended; means of several seeds."""
+    """Return the cost of every labelled record's evaluation and fit, and the fit's status; means of several seeds."""
     table = plain_table("Cost")
     longest = max(map(len, records), default=0)
     add_names(table, longest=longest if longest <= _SHORT_NAME else 0)
@@ -196,9 +196,9 @@ def stored_table(errors: Mapping[str, Mapping[str, Any]], part: str) -> Table:
 
 
 def metric_tables(values: Mapping[str, Mapping[str, float | None]]) -> list[Table]:
-    """Return a line a metric, a column a fit, held out; without the six, which have their own table.
+    """Return one line per held-out metric and one column per fit, without the six metrics of `error_table`.
 
-    Five fits a table.
+    Each table has at most five fits.
     """
     from homofact.evaluation.metric_table import METRICS, SIX
 
@@ -223,7 +223,7 @@ def metric_tables(values: Mapping[str, Mapping[str, float | None]]) -> list[Tabl
 
 
 def pair_table(pairs: "Sequence[MethodPair]") -> Table:
-    """Return each method beside those of larger errors: on how many splits its errors are lower, and their ratios."""
+    """Compare methods in pairs: on how many splits the first has the lower errors, and the ratios of the errors."""
     table = plain_table(
         "Methods split by split (lower: on how many splits the first has the lower held-out error; ratio: its error"
         " over that of the other, least to greatest)"
@@ -246,7 +246,7 @@ def pair_table(pairs: "Sequence[MethodPair]") -> Table:
 
 
 def mean_table(rows: "Sequence[MeanRow]") -> Table:
-    """Means over sources, seeds and splits by method and bytes: a line per metric, with both deviations."""
+    """Return means over sources, seeds and splits by method and bytes: a line per metric, with deviations."""
     from homofact.evaluation.metric_table import METRICS
 
     fits = max(row.fits for row in rows)
@@ -278,10 +278,10 @@ def mean_table(rows: "Sequence[MeanRow]") -> Table:
 def chart_table(
     title: str, records: Sequence[Mapping[str, Any]], base: float | None, losses: Sequence[int | None]
 ) -> Table:
-    """Return one line a point: its held-out Cole error, that as a share of `base` (McCool's), and its cost.
+    """Return one line per point: its held-out Cole error, its ratio to `base` (McCool's error), and its cost.
 
-    `losses` are on how many splits each point errs more than the best one, shown if there are several splits. A record
-    of several fits has its means and the standard deviation of the error.
+    `losses` are the numbers of splits on which each point has a larger error than the best point; the table shows them
+    if there are several splits. For a record of several fits, it shows means and the standard deviation of the error.
     """
     from homofact.evaluation.chart_ledger import series_name
 
@@ -313,7 +313,7 @@ def _texels(record: Mapping[str, Any]) -> str:
 
 
 def chart_endings(records: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Return the points that ended otherwise than converged or direct, in a line; none where there is none."""
+    """Return a line on the points whose fits ended neither converged nor direct; empty if there are none."""
     from homofact.evaluation.chart_ledger import series_name
 
     usual = {Status.CONVERGED.value, Status.DIRECT.value}
@@ -329,8 +329,8 @@ def chart_endings(records: Sequence[Mapping[str, Any]]) -> list[str]:
 def facts_table(title: str, facts: Mapping[str, Any]) -> Table:
     """Return names and values, without those that are empty; values wrap in their column.
 
-    An underscore in a fact's own name becomes a space. A name with spaces contains another, such as that of a file: it
-    is printed as it is.
+    In a name that is an identifier, underscores become spaces. Any other name, for example one that contains a file's
+    name, is printed unchanged.
     """
     table = plain_table(title)
     table.show_header = False
@@ -344,7 +344,7 @@ def facts_table(title: str, facts: Mapping[str, Any]) -> Table:
 
 
 def words(value: Any, inner: bool = False) -> str:
-    """Return a value of a description, for people: a mapping a line an entry, and on one line inside another."""
+    """Return a value in words; a mapping has one line per entry, or one line if inside another value."""
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, float):

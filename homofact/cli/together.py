@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def show_together(found: "TogetherResult", screen: Screen) -> None:
-    """The tables of a fit of all sources together, and its files."""
+    """Print the tables and the files of a fit of all sources together."""
     if found.kind == "basis":
         screen.show(*basis_tables(found.facts["figures"]))
         screen.show(f"{found.folder}: basis.npz, basis.json")
@@ -43,7 +43,7 @@ def cluster_table(record: dict[str, Any]) -> Table:
 
 
 def total_line(record: dict[str, Any]) -> str:
-    """Return the sums, in one line."""
+    """Return a line with the total bytes and the mean errors of both ways."""
     from homofact.evaluation.wording import figure
 
     shared, alone = record["shared"], record["alone"]
@@ -54,7 +54,7 @@ def total_line(record: dict[str, Any]) -> str:
 
 
 def noise_table(record: dict[str, Any]) -> Table:
-    """Return the noise of directions drawn by homofact_sample for each label, by the viewer's angle."""
+    """Return the importance-sampling noise of homofact_sample for each label, by the viewer's angle."""
     from homofact.evaluation.wording import brief_figure
 
     table = plain_table(
@@ -69,7 +69,7 @@ def noise_table(record: dict[str, Any]) -> Table:
 
 
 def basis_tables(figures: dict[str, Any]) -> list[Table]:
-    """Return errors and bytes per material by the number of directions, and those of textures of their own."""
+    """Return two tables: errors and bytes of the basis by its directions, and those of materials' own textures."""
     from homofact.evaluation.wording import figure
 
     count = len(figures["materials"])

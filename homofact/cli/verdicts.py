@@ -1,4 +1,4 @@
-"""The verdict on a fit, as a person reads it."""
+"""The verdict on a fit, as lines of text."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
@@ -18,7 +18,7 @@ LEAST_LEFT_OUT = 0.01  # of the pictures: from here on it is said
 
 
 def verdict_lines(row: "ComparisonRow") -> list[str]:
-    """Return the error bars in sentences with a warning and its cause, the findings and their figures, what to try."""
+    """Return the lines of a verdict: error bars, warning and cause, findings, figures, and what to try next."""
     verdict = row.verdict
     return [
         verdict_line(verdict), *where_lines(verdict), *incidence_lines(verdict), *cause_lines(verdict),
@@ -33,9 +33,9 @@ def verdict_line(verdict: "Verdict") -> str:
 
 
 def where_lines(verdict: "Verdict") -> list[str]:
-    """Return at which angles the fit is good and at which bad, and where its bars rest on extrapolation.
+    """Return a line on the angles where the fit is good or bad, and one on extrapolated error bars.
 
-    A line each; no line if it has no bars by angle, or they are all alike.
+    A line is missing if the fit has no error bars by angle, or if they are all alike.
     """
     bars = verdict.bars
     heads = {"Where": bars.by_angle_sentence(), "Extrapolated": bars.extrapolated_sentence()}
@@ -43,7 +43,7 @@ def where_lines(verdict: "Verdict") -> list[str]:
 
 
 def incidence_lines(verdict: "Verdict") -> list[str]:
-    """Return what the fit has of its samples' light, by angle of incidence, in a line; none where it is not known."""
+    """Return a line with the fit's light divided by that of its samples, by angle of incidence; empty if unknown."""
     light = light_by_incidence(verdict.figures.light.by_incidence)
     return [f"Light of the fit over that of its samples, by θi: {light}"] if light else []
 
@@ -66,7 +66,7 @@ def finding_lines(verdict: "Verdict") -> list[str]:
 
 
 def tilt_lines(verdict: "Verdict") -> list[str]:
-    """Return how to fit the measurement without its tilt, in a line; no line if none was left in."""
+    """Return a line on how to undo the tilt of the measurement; empty if no tilt was found."""
     undo = option(Advice("calibrate", "tilt"))
     tilted = any(each.name == "tilt" for each in verdict.findings)
     return [f"To undo the tilt of the sample, run the same command with {undo}"] if tilted else []
@@ -110,7 +110,7 @@ def figures_line(verdict: "Verdict") -> str:
 
 
 def brief_lines(verdicts: Mapping[str, "Verdict"]) -> list[str]:
-    """Return one line per fit: its label, how far it may be off, and what widens its error bars, by name."""
+    """Return one line per fit: its label, its error bars, and the names of findings that widen them."""
     width = max(map(len, verdicts))
     return [
         f"Verdict on {f'{label}:':{width + 1}} {verdict.summary}"
@@ -125,9 +125,9 @@ def names_of(text: str) -> tuple[str, ...]:
 
 
 def strictness(text: str) -> bool | float:
-    """Return what --strict says: nothing, the usual threshold, or a probability.
+    """Return the value of --strict: False if not given, True for the usual threshold, or a probability.
 
-    Raises BadInput for what is no number.
+    Raises BadInput for any other text that is not a number.
     """
     if text in ("", USUAL):
         return bool(text)
@@ -138,6 +138,6 @@ def strictness(text: str) -> bool | float:
 
 
 def noted(finding: "Finding") -> str:
-    """Return a finding by name in a line, with the setting to try and what it costs."""
+    """Return a line on a finding: its name, the setting to try, and how much it widens the error bars."""
     advice = f" ({finding.advice})" if finding.advice else ""
     return f"{finding.name}: {finding.line()}{advice}" + (f"; {finding.costs}" if finding.costs else "")

@@ -1,1 +1,1 @@
-"""Texture containers: pixels into EXR, PNG, KTX2 and DDS files and back, and what each of them can hold."""
+"""Texture containers: write and read EXR, PNG, KTX2 and DDS files, and list what each of them supports."""

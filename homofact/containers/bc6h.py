@@ -6,19 +6,20 @@ arbitrary ends, and 11, 12 and 16 bits for ends that are closer and closer toget
 
 1. lays the segment along the principal axis of the 16 values, from the least projection to the largest;
 2. gives every texel the nearest of the 16 decoded colours;
-3. solves for the ends that fit these choices in least squares, and repeats from 2 while it gains.
+3. solves for the ends that fit these choices in least squares, and repeats from step 2 while the error falls.
 
-Interpolation runs over the halves' patterns q and the error counts in values v, so 3 weighs a texel's pattern with
-dv/dq, the spacing of halves at its value. The best mode of each block is then walked downhill, one end and channel at a
-time, at last by single quanta. All steps minimise the sum of the squared errors of the decoded values, with equal
-weights for the channels. A block of one colour is stored exactly.
+Interpolation is linear in the bit patterns q of the halves, but the error is measured in their values v. Step 3
+therefore weights the pattern of a texel by dv/dq, the spacing of halves at its value. The encoder then improves the
+best mode of each block by descent, one end and channel at a time, finally in steps of one quantum. All steps minimise
+the sum of the squared errors of the decoded values, with equal weights for the channels. A block of one colour is
+stored exactly.
 
-What to expect: with 10 bits, one of which is the sign, a power of two has 16.5 quanta, so an end is off by up to
-3 % of its value; with 12 bits by 0.8 %. A segment that passes through zero passes all powers of two down to
-2⁻²⁴ twice and has few colours left for the rest. A smooth texture of 32² whose values stay on one side of zero
-(0.5 to 12.5, 4 to 16, −16 to −4, 0 to 1) comes back with a root mean square error of 0.5 % of its range and at
-most 3 %; from −6 to 6 it is 1.1 % and 8 % (tests/containers/test_bc6h.py). So shift a logarithm to one
-side of zero before it is stored.
+What to expect: with 10 bits, one of which is the sign, there are 16.5 quanta from one power of two to the next. So an
+end is off by up to 3 % of its value, and with 12 bits by 0.8 %. A segment that passes through zero passes all powers of
+two down to 2⁻²⁴ twice, and has few colours left for the rest. A smooth texture of 32² whose values stay on one side of
+zero (0.5 to 12.5, 4 to 16, −16 to −4, 0 to 1) comes back with an RMS error of 0.5 % and a largest error of 3 % of its
+range; from −6 to 6, these errors are 1.1 % and 8 % (tests/containers/test_bc6h.py). So shift a logarithm to one side of
+zero before it is stored.
 """
 
 import numpy as np
@@ -36,11 +37,11 @@ _MOST = 0x7FFF
 
 
 def encode_bc6h(pixels: np.ndarray, name: str = "BC6H") -> bytes:
-    """Finite pixels (rows, columns, 3), at most 65504 in magnitude, as rows · columns bytes of BC6H signed blocks.
+    """Encode finite pixels (rows, columns, 3), up to ±65504, as rows · columns bytes of BC6H signed blocks.
 
-    Blocks go row by row from the top left, the mean square error of each is minimised as the module's head
-    says. Raises BadInput, named `name`, for sides that are no multiples of 4, another shape, and values that
-    are not finite or too large.
+    Blocks are stored row by row from the top left. The encoder minimises the mean square error of each block, as
+    described at the start of this module. Raises BadInput that names `name` for sides that are not multiples of 4,
+    another shape, and values that are not finite or too large.
     """
     values = np.asarray(pixels, np.float64)
     if values.ndim != 3 or values.shape[2] != 3:
@@ -57,9 +58,9 @@ def encode_bc6h(pixels: np.ndarray, name: str = "BC6H") -> bytes:
 
 
 def decode_bc6h(data: bytes, rows: int, columns: int, name: str = "BC6H") -> np.ndarray:
-    """Return texels float16 (rows, columns, 3) of BC6H signed blocks, as a GPU's sampler finds them.
+    """Return texels float16 (rows, columns, 3) of BC6H signed blocks, as a GPU's sampler reads them.
 
-    Raises BadInput, named `name`, for sides that are no multiples of 4, a wrong number of bytes, and blocks of
+    Raises BadInput that names `name` for sides that are not multiples of 4, a wrong number of bytes, and blocks with
     two regions, which `encode_bc6h` does not write.
     """
     if rows % 4 or columns % 4 or rows < 1 or columns < 1:

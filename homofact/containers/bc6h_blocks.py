@@ -9,10 +9,10 @@ every decoder gives these halves. A block of 4 × 4 texels has 128 bits, little-
             first endpoint's bits above the tenth, highest first
     65–127  16 indices of 4 bits, row by row; the first lacks its highest bit, which is 0
 
-Endpoints are signed integers of E bits. They are spread to 16 bits, 16 colours are interpolated between them in
-integers, and 31/32 of each is, sign and magnitude, the pattern of a half. Interpolation is therefore linear in
-a half's *pattern*: linear within one power of two, geometric across several, and through zero it passes
-all of them twice.
+Endpoints are signed integers of E bits. Decoding expands them to 16 bits, and interpolates 16 colours between them in
+integer arithmetic. 31/32 of each result, as sign and magnitude, is the bit pattern of a half. Interpolation is
+therefore linear in the bit patterns of halves. In values, it is linear between two neighbouring powers of two, and
+geometric across several. Through zero, it passes all powers of two twice.
 """
 
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ WEIGHTS = np.array([0, 4, 9, 13, 17, 21, 26, 30, 34, 38, 43, 47, 51, 55, 60, 64]
 
 @dataclass(frozen=True)
 class Mode:
-    """One block mode: its number, the bits E of an endpoint, and D of the difference (None: two whole endpoints)."""
+    """One block mode: its number, the bits E of an endpoint, and the bits D of a difference (None: two endpoints)."""
 
     number: int
     bits: int
@@ -35,7 +35,7 @@ class Mode:
 
     @property
     def reach(self) -> int:
-        """The largest difference of the endpoints that the mode holds either way round."""
+        """The largest difference of the endpoints, of either sign, that the mode can store."""
         return 2**self.bits if self.delta is None else 2 ** (self.delta - 1) - 1
 
 
@@ -43,7 +43,7 @@ MODES = (Mode(3, 10, None), Mode(7, 11, 9), Mode(11, 12, 8), Mode(15, 16, 4))
 
 
 def spread(endpoints: np.ndarray, bits: np.ndarray) -> np.ndarray:
-    """Signed endpoints of `bits` bits as 16-bit integers, −32767 to 32767 (the specification's unquantization)."""
+    """Expand signed endpoints of `bits` bits to 16-bit integers, −32767 to 32767 ("unquantization")."""
     magnitude = np.abs(endpoints)
     middle = ((magnitude << 15) + 0x4000) >> (bits - 1)
     most = (1 << (bits - 1)) - 1
@@ -60,13 +60,13 @@ def palette(first: np.ndarray, second: np.ndarray, bits: np.ndarray) -> np.ndarr
 
 
 def halves(codes: np.ndarray) -> np.ndarray:
-    """float16 of interpolated 16-bit integers: the last step of decoding."""
+    """Return float16 values from interpolated 16-bit integers: the last step of decoding."""
     patterns = (np.abs(codes) * 31 >> 5) | np.where(codes < 0, 0x8000, 0)
     return patterns.astype(np.uint16).view(np.float16)
 
 
 def pack(modes: np.ndarray, first: np.ndarray, second: np.ndarray, indices: np.ndarray) -> bytes:
-    """Blocks of N modes (positions in MODES) (N,), endpoints (N, 3) and indices (N, 16): 16 N bytes.
+    """Pack N blocks into 16 N bytes: modes (N,) (positions in MODES), endpoints (N, 3) and indices (N, 16).
 
     The first index of every block must be below 8, and the endpoints' difference within the mode's reach.
     """

@@ -1,8 +1,8 @@
 """DDS files with the DX10 header: RGBA16F and BC6H textures and texture arrays, one 2D level; RGBA16F cube maps.
 
-Laid out as Microsoft's "Programming Guide for DDS" has it, all little-endian: the magic "DDS ", DDS_HEADER (124
-bytes, of which DDS_PIXELFORMAT 32), DDS_HEADER_DXT10 (20 bytes), then the rows, top one first, without padding; those
-of an array's layers follow each other, and height and pitch are of one. The format is the DXGI_FORMAT of the DX10
+The layout follows Microsoft's "Programming Guide for DDS", all little-endian: the magic "DDS ", DDS_HEADER (124 bytes,
+of which DDS_PIXELFORMAT 32), DDS_HEADER_DXT10 (20 bytes), then the rows without padding, top row first. The layers of
+an array follow each other, and height and pitch are those of one layer. The format is the DXGI_FORMAT of the DX10
 header, which the four-character code DX10 announces. Its miscFlags2 stays 0, since D3DX refuses any alpha mode; the
 alpha of a texture here is no transparency. A cube map has its faces +x, −x, +y, −y, +z, −z one after another, each with
 all its levels, largest first.
@@ -37,8 +37,8 @@ _HEADER = struct.Struct("<4s 7I 44x 2I 4s 20x 5I 5I")
 def write_dds(path: str | os.PathLike[str], pixels: np.ndarray, layers: int = 1) -> None:
     """Write floating pixels (rows, columns, 4) as DXGI_FORMAT_R16G16B16A16_FLOAT, rounded to float16.
 
-    `layers` of a texture array stand one under another in `pixels`; 1 is a texture. Raises BadInput for another
-    shape, values not finite in float16, and an unwritable place.
+    `pixels` contains the `layers` of a texture array, stacked vertically; 1 means a plain texture. Raises BadInput for
+    another shape, values not finite in float16, and an unwritable place.
     """
     whole_shape(path, pixels, (4,))
     stored = finite_pixels(path, pixels, np.float16)
@@ -64,7 +64,7 @@ def write_dds_bc6h(path: str | os.PathLike[str], pixels: np.ndarray, layers: int
 def write_dds_cube(path: str | os.PathLike[str], levels: Sequence[np.ndarray]) -> None:
     """Write floating levels (6, N, N, 4), largest first, as a cube map of DXGI_FORMAT_R16G16B16A16_FLOAT.
 
-    Raises BadInput as `write_dds`, and where levels do not have half the side of the one before.
+    Raises BadInput as `write_dds`, and if a level does not have half the side of the previous level.
     """
     parts = finite_levels(path, levels)
     texels = b"".join(part[face].tobytes() for face in range(_FACES) for part in parts)
@@ -76,7 +76,7 @@ def write_dds_cube(path: str | os.PathLike[str], levels: Sequence[np.ndarray]) -
 def read_dds(path: str | os.PathLike[str], layers: int = 1) -> np.ndarray:
     """Return the texels float16 of a file that this module wrote: (rows, columns, 4), or (rows, columns, 3) for BC6H.
 
-    Those of an array of `layers` have them one under another. Raises BadInput for a file that cannot be read, is no
+    The layers of an array of `layers` are stacked vertically. Raises BadInput for a file that cannot be read, is no
     such DDS, has another number of layers, or is truncated or padded.
     """
     data = read_bytes(path, "a DDS texture")

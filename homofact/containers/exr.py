@@ -19,10 +19,10 @@ _LONGEST_NAME = 255  # bytes, of up to four a letter
 
 
 def exr_channel_names(channels: Sequence[str]) -> tuple[str, ...]:
-    """Return what the channels are called in an EXR: Y for a single one, else their own names.
+    """Return the names of the channels in an EXR: Y for a single channel, else their own names.
 
-    A full stop would make a layer of what stands before it, so 400.5nm becomes 400,5nm. A name that is too long for the
-    file keeps its beginning, behind its number.
+    EXR readers treat the text before a full stop as the name of a layer, so 400.5nm becomes 400,5nm. A name that is too
+    long for the file becomes the channel's number and the beginning of the name.
     """
     return ("Y",) if len(channels) == 1 else tuple(_stored_name(k, name) for k, name in enumerate(channels))
 

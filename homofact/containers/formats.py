@@ -47,9 +47,9 @@ _Reader = Callable[[_Place, Sequence[str] | None, int], np.ndarray]
 class Format:
     """One way to store a texture.
 
-    `storage` is the type of a texel's channel: float32, float16, unorm8, unorm16 or bc6h; `dtype` the numpy
-    type in which texels are read, and integers must be written. `channels` are the numbers of channels it can
-    hold (None: any), `most_side` the largest side and `multiple` what both sides must be multiples of.
+    `storage` is the type of a texel's channel: float32, float16, unorm8, unorm16 or bc6h; `dtype` the numpy type of the
+    texels that are read, and of integer texels to write. `channels` are the numbers of channels it can hold (None:
+    any), `most_side` the largest side and `multiple` what both sides must be multiples of.
     """
 
     name: str
@@ -66,7 +66,7 @@ class Format:
     _held: int | None = None
 
     def check(self, rows: int, columns: int, channels: int, name: str = "texture") -> None:
-        """Raise BadInput, named `name`, where the format cannot hold such a texture; the line says the size."""
+        """Raise BadInput, with `name` and the size, if the format does not support such a texture."""
         size = f"{name}: {columns} x {rows} texels of {channels} channel{'s' if channels != 1 else ''}"
         if channels < 1 or (self.channels is not None and channels not in self.channels):
             held = "1 or more" if self.channels is None else " or ".join(map(str, self.channels))
@@ -84,12 +84,12 @@ class Format:
         key_values: Mapping[str, str] | None = None,
         layers: int = 1,
     ) -> None:
-        """Write stored (layers · rows, columns, C), row 0 on top: floats, or uint8 and uint16 for png8 and png16.
+        """Write texels (layers · rows, columns, C), row 0 on top: floats, or uint8 and uint16 for png8 and png16.
 
-        Floating values are rounded to the storage type. `names` are what an EXR calls the channels (else Y,
-        RGB, RGBA or numbers), `key_values` the key/value data of a KTX2, to which KTXwriter comes by itself;
-        the other formats have no place for them. Raises BadInput as `check`, for another type, values that are
-        not finite in the storage type, and an unwritable place.
+        Floating values are rounded to the storage type. `names` are the names of the channels in an EXR (default: Y,
+        RGB, RGBA or numbers). `key_values` are the key/value data of a KTX2; KTXwriter is added by default. Other
+        formats ignore both. Raises BadInput as `check`, for a wrong type, for values that are not finite in the storage
+        type, and if the file cannot be written.
         """
         if stored.ndim != 3:
             raise BadInput(where=path, found=f"pixels of shape {stored.shape}", expected="(rows, columns, channels)")
@@ -107,9 +107,9 @@ class Format:
     ) -> np.ndarray:
         """Return texels (layers · rows, columns, C) of `dtype`, row 0 on top, as a sampler finds them at texel centres.
 
-        C is `channels`: 1 takes red of a file that holds more. Without it, all that the file holds. `names` are
-        the channels of an EXR in their order (else as `write` calls them, or sorted). Raises BadInput for a
-        file that cannot be read, is none of this format, or holds other channels.
+        C is `channels`; 1 returns red of a file with more channels, and None returns all channels of the file. `names`
+        are the names of an EXR's channels in order (default: the names of `write`, or sorted). Raises BadInput for a
+        file that cannot be read, has another format, or has other channels.
         """
         texels = self._read(path, names, layers)
         if texels.dtype != self.dtype:

@@ -28,7 +28,7 @@ def godot_cubemap(name: str, levels: Sequence[np.ndarray]) -> str:
     Parameters
     ----------
     name : str
-        What a message calls the file.
+        The name of the file in messages.
     levels : sequence of numpy.ndarray
         Levels (6, N, N, 4), largest first, rounded to float16. The faces are +x, −x, +y, −y, +z, −z. A single level
         gets no smaller ones.

@@ -1,6 +1,6 @@
-"""KTX2 files of RGBA16F, not compressed as files: textures and arrays of one level, cube maps with levels.
+"""KTX2 files of RGBA16F without supercompression: textures and arrays of one level, cube maps with levels.
 
-Laid out as the Khronos KTX File Format Specification 2.0 has it, all little-endian:
+The layout follows the Khronos KTX File Format Specification 2.0, all little-endian:
 
 | bytes | what |
 |---|---|
@@ -12,13 +12,13 @@ Laid out as the Khronos KTX File Format Specification 2.0 has it, all little-end
 | … | key/value data sorted by key, each entry padded to 4 bytes |
 | … | level by level, smallest first: zeros up to a multiple of 8, then the rows, top one first |
 
-The descriptor (Khronos Data Format Specification, chapter 5) says what a loader without a table of formats needs: per
-channel the bit offset and length − 1, the channel's number with the float and signed bits, and as lower and upper the
-floats −1 and 1. The transfer function is linear and the colour primaries unspecified: a logarithm is no colour, and a
-loader must neither decode nor convert it. `pixelDepth` is 0, `faceCount` and `levelCount` 1; `layerCount` is 0 of a
-texture and the number of layers of an array, which follow each other. A one-dimensional texture is a 2D texture of
-one row. A cube map has 6 faces, in every level +x, −x, +y, −y, +z, −z (laid out as `rendering.cube` has it), and as
-many levels as are given, each of half the side of the one before.
+The descriptor (Khronos Data Format Specification, chapter 5) contains what a loader without a table of formats needs.
+For each channel these are the bit offset and the length − 1, the channel's number with the float and signed bits, and
+−1 and 1 as the lower and upper float. The transfer function is linear and the colour primaries unspecified: a logarithm
+is no colour, and a loader must neither decode nor convert it. `pixelDepth` is 0, `faceCount` and `levelCount` 1;
+`layerCount` is 0 for a texture, and the number of layers for an array. The layers follow each other. A one-dimensional
+texture is a 2D texture of one row. A cube map has 6 faces, in every level +x, −x, +y, −y, +z, −z (laid out as
+`rendering.cube` has it), and as many levels as are given, each of half the side of the one before.
 """
 
 import os
@@ -60,9 +60,9 @@ def write_ktx2(
 ) -> None:
     """Write floating pixels (rows, columns, 4) as VK_FORMAT_R16G16B16A16_SFLOAT, rounded to float16.
 
-    `layers` of a texture array stand one under another in `pixels`; 1 is a texture. `key_values` become the file's
-    key/value data, such as KTXorientation "rd" (row 0 on top) and KTXwriter. Raises BadInput for another shape,
-    values not finite in float16, keys that the specification forbids, and an unwritable place.
+    `pixels` contains the `layers` of a texture array, stacked vertically; 1 means a plain texture. `key_values` become
+    the file's key/value data, such as KTXorientation "rd" (row 0 on top) and KTXwriter. Raises BadInput for another
+    shape, values not finite in float16, keys that the specification forbids, and an unwritable place.
     """
     whole_shape(path, pixels, (4,))
     stored = finite_pixels(path, pixels, np.float16)
@@ -75,7 +75,7 @@ def write_ktx2_cube(
 ) -> None:
     """Write floating levels (6, N, N, 4), largest first, as a cube map of RGBA16F, rounded to float16.
 
-    Raises BadInput as `write_ktx2`, and where levels do not have half the side of the one before.
+    Raises BadInput as `write_ktx2`, and if a level does not have half the side of the previous level.
     """
     parts = [part.tobytes() for part in finite_levels(path, levels)]
     side = levels[0].shape[1]
@@ -85,7 +85,7 @@ def write_ktx2_cube(
 def read_ktx2(path: str | os.PathLike[str], layers: int = 1) -> np.ndarray:
     """Return the texels float16 (rows, columns, 4) of a texture that this module wrote.
 
-    Those of an array of `layers` have them one under another. Raises BadInput for a file that cannot be read, is no
+    The layers of an array of `layers` are stacked vertically. Raises BadInput for a file that cannot be read, is no
     such KTX2, has another number of layers, or is truncated or padded.
     """
     data = read_bytes(path, "a KTX2 texture")

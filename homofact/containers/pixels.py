@@ -1,4 +1,4 @@
-"""What every container shares: the check that pixels are whole and finite as stored."""
+"""Checks for all containers: the shape of pixels, and that their stored values are finite."""
 
 import os
 from collections.abc import Sequence
@@ -9,7 +9,7 @@ from homofact.errors import BadInput
 
 
 def whole_shape(path: str | os.PathLike[str], pixels: np.ndarray, channels: tuple[int, ...]) -> None:
-    """Raise BadInput unless pixels are (rows, columns, C), none of it empty, with C one of `channels`."""
+    """Raise BadInput unless pixels have the shape (rows, columns, C), are not empty, and C is in `channels`."""
     if pixels.ndim != 3 or pixels.shape[2] not in channels or 0 in pixels.shape:
         wanted = " or ".join(map(str, channels))
         found = f"pixels of shape {pixels.shape}"
@@ -17,7 +17,7 @@ def whole_shape(path: str | os.PathLike[str], pixels: np.ndarray, channels: tupl
 
 
 def finite_pixels(path: str | os.PathLike[str], pixels: np.ndarray, dtype: type[np.floating]) -> np.ndarray:
-    """Floating pixels (rows, columns, C) rounded to `dtype`, contiguous and little-endian.
+    """Return floating pixels (rows, columns, C) rounded to `dtype`, contiguous and little-endian.
 
     Raises BadInput where they are not floating-point numbers, and where one is not finite in that type:
     float16 ends at 65504.
@@ -36,17 +36,17 @@ def finite_pixels(path: str | os.PathLike[str], pixels: np.ndarray, dtype: type[
 
 
 def layer_rows(path: str | os.PathLike[str], rows: int, layers: int) -> int:
-    """Return rows of each of `layers` that stand one under another. Raises BadInput where they are not alike."""
+    """Return the rows per layer of stacked `layers`. Raises BadInput if `rows` is not a multiple of `layers`."""
     if layers < 1 or rows % layers:
         raise BadInput(where=path, found=f"{rows} rows", expected=f"as many in each of {layers} layers")
     return rows // layers
 
 
 def finite_levels(path: str | os.PathLike[str], levels: Sequence[np.ndarray]) -> list[np.ndarray]:
-    """Levels (6, N, N, 4) of a cube map, largest first, as float16.
+    """Return levels (6, N, N, 4) of a cube map, largest first, as float16.
 
-    Raises BadInput as `finite_pixels`, and where a level is not made of six squares or has not half the side of the
-    one before.
+    Raises BadInput as `finite_pixels`, and if a level does not consist of six squares, or does not have half the side
+    of the previous level.
     """
     if not levels:
         raise BadInput(where=path, found="no levels of a cube map", expected="at least one")

@@ -46,7 +46,7 @@ def write_png(path: str | os.PathLike[str], stored: np.ndarray) -> None:
 
 
 def read_png(path: str | os.PathLike[str]) -> np.ndarray:
-    """uint8 or uint16 (rows, columns, C) of a grey, RGB or RGBA file of 8 or 16 bits, C of 1, 3 or 4.
+    """Read a grey, RGB or RGBA file of 8 or 16 bits as uint8 or uint16 (rows, columns, C), C of 1, 3 or 4.
 
     Raises BadInput for a file that cannot be read or is no such PNG.
     """

@@ -1,4 +1,4 @@
-"""What an 8-bit picture's numbers mean: sRGB's transfer curve (IEC 61966-2-1)."""
+"""The transfer curve of sRGB (IEC 61966-2-1), which encodes the values of 8-bit pictures."""
 
 import numpy as np
 

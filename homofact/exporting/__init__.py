@@ -1,1 +1,1 @@
-"""What leaves for engines and eyes: texture images, the manifest, the folder of a result, the export with shaders."""
+"""Write results and exports: texture images, manifests, result folders, and exports with shaders."""

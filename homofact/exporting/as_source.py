@@ -1,4 +1,4 @@
-"""A fit as a source: what it says of reflectance, sampled, as a measurement or a model would be."""
+"""Use a fit as a source: draw samples of its reflectance, as of a measurement or a model."""
 
 import os
 import time
@@ -28,7 +28,7 @@ def knows_no_azimuth(fitted: Fitted) -> bool:
 
 
 def is_fit(place: str | os.PathLike[str]) -> bool:
-    """Return whether a place is a fit's, not a source: a folder, or an .npz that does not hold samples.
+    """Return whether a path is a fit rather than a source: a folder, or an .npz file with a fit's header.
 
     Raises BadInput for a damaged archive.
     """
@@ -42,9 +42,9 @@ def is_fit(place: str | os.PathLike[str]) -> bool:
 
 
 def fit_as_source(place: str | os.PathLike[str], count: int, scheme: str, seed: int) -> Source:
-    """Return the fit of a result's folder, of an export's or of a saved file, with `count` samples drawn of it.
+    """Return the fit in a result folder, an export or a saved file as a source with `count` samples.
 
-    Raises BadInput where there is none.
+    Raises BadInput if there is no fit.
     """
     return as_source(open_result(place), Path(place).name, count, scheme, seed)
 
@@ -52,7 +52,7 @@ def fit_as_source(place: str | os.PathLike[str], count: int, scheme: str, seed: 
 def as_source(
     fitted: Fitted, name: str, count: int = DEFAULT_COUNT, scheme: str = DEFAULT_SCHEME, seed: int = 0
 ) -> Source:
-    """Return a fit as a source of that name, with `count` samples drawn of it."""
+    """Return a fit as the source `name`, with `count` samples of it."""
     begun = time.perf_counter()
     reflectance = Drawn(fitted, knows_no_azimuth(fitted))
     samples = sample_model(reflectance, count, scheme, seed, noise_free=False)

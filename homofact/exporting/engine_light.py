@@ -1,9 +1,9 @@
-"""A material under an engine's own sky: the table or the closures by which the engine reflects it, and the error.
+"""How an engine lights a material by its own sky: the table or closures that it uses, and their error.
 
-The table (`rendering.prefilter.LevelTable`) is fitted for the engine's kernels (`rendering.chain_kernels`), closures
-(`rendering.closures`) for an engine that integrates skies itself. The error is measured on a sphere under skies that
-neither was fitted to (`rendering.made_skies`). Kernels are integrated themselves, so what the few texels of an engine's
-levels add is not in it.
+An engine with prefiltered skies gets a table (`rendering.prefilter.LevelTable`), fitted for the kernels of its levels
+(`rendering.chain_kernels`). An engine that integrates skies itself gets closures (`rendering.closures`). The error is
+measured on a sphere under skies that are not used for the fit (`rendering.made_skies`). homofact integrates the kernels
+exactly, so the error does not include the low resolution of an engine's levels.
 """
 
 from abc import ABC, abstractmethod
@@ -45,9 +45,9 @@ _TITLE = (
 
 
 class UnderSkies(ABC):
-    """How an engine reflects its own sky. `errors` are the relative RMS of a sphere by sky.
+    """How an engine reflects its own sky. `errors` are relative RMS errors of a sphere, one per sky.
 
-    `poor` is what a warning says of an engine whose error is large, with {worst} for the error.
+    `poor` is the text of the warning if the largest error exceeds `POOR`; {worst} marks the place of that error.
     """
 
     errors: Mapping[str, float]
@@ -60,24 +60,24 @@ class UnderSkies(ABC):
 
     @property
     def warning(self) -> str:
-        """What to beware of; empty where the errors are small."""
+        """Return the warning; empty if no error exceeds `POOR`."""
         return "" if self.worst <= POOR else self.poor.format(worst=f"{self.worst:.0%}")
 
     @abstractmethod
     def record(self) -> dict[str, Any]:
-        """JSON-able, for the report of the export."""
+        """Return a JSON-able dictionary for the report of the export."""
 
     @abstractmethod
     def sentence(self) -> str:
-        """What the screen says."""
+        """Return the lines for the terminal."""
 
     def off(self) -> str:
-        """A sentence: how far a sphere is off."""
+        """Return a sentence with the error of a sphere under each sky."""
         shown = ", ".join(f"{error:.1%} ({name})" for name, error in self.errors.items())
         return f"A sphere under a sky differs from the fit by {shown}, relative RMS; the fit's own error comes on top."
 
     def measured(self) -> dict[str, Any]:
-        """The errors, JSON-able, and what they are."""
+        """Return the errors and their meaning, JSON-able."""
         return {
             "relative_rms": dict(self.errors),
             "meaning": "root mean square difference of a sphere's picture from the exact integration of the exported"
@@ -87,7 +87,7 @@ class UnderSkies(ABC):
 
 @dataclass(frozen=True)
 class EngineLight(UnderSkies):
-    """A `table` as half floats hold it, for `kernels`; `errors` as of `UnderSkies`."""
+    """A `table` rounded to half floats, for `kernels`; `errors` as in `UnderSkies`."""
 
     table: LevelTable
     kernels: ChainKernels
@@ -103,19 +103,19 @@ class EngineLight(UnderSkies):
         return self.table.table.numpy().astype(np.float16)
 
     def code(self, language: Language, prefix: str = PREFIX) -> str:
-        """`PREFIX_reflected(n, wo)`, of an anisotropic material (n, t, b, wo), its one texture the table."""
+        """Return the code of `PREFIX_reflected(n, wo)`, or (n, t, b, wo) if anisotropic, which reads the table."""
         return shader(self.program(), language, prefix)
 
     def program(self) -> Program:
-        """What `code` prints."""
+        """Return the program that `code` writes."""
         return self.table.program(((len(self.kernels.alphas), 6, 0, 0), (1, 6, 0, 0)), _TITLE)
 
     def record(self) -> dict[str, Any]:
-        """JSON-able, for the report of the export."""
+        """Return a JSON-able dictionary for the report of the export."""
         return {"reads": self.table.lobes + 1, "bytes": self.texels.nbytes, **self.measured()}
 
     def sentence(self) -> str:
-        """What the screen says."""
+        """Return the lines for the terminal."""
         reads, size = self.table.lobes + 1, self.texels.nbytes
         return (
             f"Under an environment, the shader reads the engine's own filtered sky {reads} times and a table"
@@ -135,19 +135,19 @@ class ClosureLight(UnderSkies):
     )
 
     def record(self) -> dict[str, Any]:
-        """JSON-able, for the report of the export."""
+        """Return a JSON-able dictionary for the report of the export."""
         return {"closures": self.closures.weights.shape[2], "bytes": self.closures.nbytes, **self.measured()}
 
     def sentence(self) -> str:
-        """What the screen says."""
+        """Return the lines for the terminal."""
         count, size = self.closures.weights.shape[2], self.closures.nbytes
         return f"World and other objects: a sum of {count} closures with tables of {size} bytes. {self.off()}"
 
 
 def engine_light(reflectance: Reflectance, kernels: ChainKernels) -> EngineLight:
-    """The table of a fit for an engine's kernels, and its errors.
+    """Fit the table of a reflectance for an engine's kernels, and measure its errors.
 
-    Raises BadInput for channels that are no picture's, and values that are not finite.
+    Raises BadInput for unsupported channels, and for values that are not finite.
     """
     stored = level_table(response_of(reflectance, kernels, LOBES)).rounded(np.float16)
 
@@ -158,9 +158,9 @@ def engine_light(reflectance: Reflectance, kernels: ChainKernels) -> EngineLight
 
 
 def closure_light(reflectance: Reflectance, lobes: int = CLOSURE_LOBES) -> ClosureLight:
-    """The closures of a fit, with so many lobes beside the Lambertian one, and their errors.
+    """Fit a Lambertian closure and `lobes` lobes to a reflectance, and measure their errors.
 
-    Raises BadInput for channels that are no picture's, values that are not finite, and what reflects nothing.
+    Raises BadInput for unsupported channels, values that are not finite, and a reflectance that is 0 everywhere.
     """
     closures = closures_of(reflectance, lobes)
     material = FilteredMaterial.of(closures, fineness=_FINENESS)
@@ -170,7 +170,7 @@ def closure_light(reflectance: Reflectance, lobes: int = CLOSURE_LOBES) -> Closu
 def errors_of(
     reflectance: Reflectance, shown: Callable[[EnvironmentMap, Surroundings], SphereImage]
 ) -> dict[str, float]:
-    """Relative RMS by sky of the sphere of `SIZE` pixels that is `shown` for a fit."""
+    """Return the relative RMS error of the sphere picture `shown` (`SIZE` pixels), for each sky."""
     material, errors = FilteredMaterial.of(reflectance, fineness=_FINENESS), {}
     for name in MADE_SKIES:
         light = made_sky(name, _ROWS)

@@ -1,9 +1,8 @@
 """The folder for an engine: textures in a format of its choice, shaders that read them, a manifest.
 
-Texels are stored as `encoding` says; the shaders are generated from the fit (`shading`), their constants and the
-scale and bias of its textures in them. The manifest repeats everything as JSON, so that a loader needs no parsing of
-shader text, and so that the folder reads back as a fit (`exported_reader`) whose values are those that the stored
-textures give.
+`shading.encoding` encodes the texels. The shaders are generated from the fit (`shading`), and contain its constants and
+the scale and bias of its textures. The manifest repeats all of this as JSON, so a loader need not parse shader text.
+With the manifest, `exported_reader` also reads the folder back as a fit with the values of the stored textures.
 """
 
 import os
@@ -54,12 +53,12 @@ _WORDS = {
 
 @dataclass(frozen=True)
 class Exported:
-    """A fit as it will be stored: `stored` is the fit with the texels that a sampler finds.
+    """A fit as it will be stored: `stored` is the fit with its texels as a sampler reads them.
 
-    `textures` are in the order of the shaders' numbers; `cost` is of one evaluation, its bytes those of the texels
-    on the GPU. With a `sampling`, the shaders have its functions too; with a `prefiltered` light
-    there are shaders and textures of a split sum beside them. `verdict` is "trusted" and "summary" of the verdict on
-    the fit before it was stored, None for a fit without one.
+    `textures` are in the order of the shaders' texture numbers. `cost` is the cost of one evaluation, with the bytes of
+    the texels on the GPU. With `sampling`, the shaders also contain sampling functions. With `prefiltered`, the export
+    also contains shaders and textures of a split sum. `verdict` contains "trusted" and "summary" of the verdict on the
+    fit before it was stored; it is None for a fit without a verdict.
     """
 
     stored: Fitted
@@ -80,7 +79,8 @@ class Exported:
 def exported(fitted: Fitted, form: Format) -> Exported:
     """Return the fit in a texture format.
 
-    Raises BadInput, named by texture, where the format cannot hold a texture, and for more than four channels.
+    Raises BadInput, with the number of the texture, if the format does not support a texture, and for more than four
+    channels.
     """
     channels = len(fitted.channels)
     check_count(channels)
@@ -94,9 +94,9 @@ def exported(fitted: Fitted, form: Format) -> Exported:
 
 
 def log_difference(before: Fitted, after: Reflectance) -> float:
-    """Root mean square difference of log((f + εA)/A) of two fits, with the first's ε and A.
+    """Return the RMS difference of log((f + εA)/A) between two fits, with ε and A of the first.
 
-    At 20,000 random pairs, cosine-weighted.
+    The mean is over 20,000 random pairs of directions with cosine-weighted density.
     """
     wi, wo = draw_cosine_weighted(20_000, torch.Generator().manual_seed(0))
     logs = [before.transform.forward(fit.evaluate(wi, wo)) for fit in (before, after)]
@@ -111,11 +111,10 @@ def write_exported(
     engine: str = "",
     files: Mapping[str, str | bytes] | None = None,
 ) -> dict[str, Any]:
-    """Write textures, shaders and manifest to `folder`, or nothing; the manifest.
+    """Write textures, shaders and manifest to `folder`, or nothing; return the manifest.
 
-    `files` of an `engine`, by name, join them (`exporting.engines`), and engine.json lists these. `errors` go into the
-    manifest as they are. Raises BadInput as `files.folder.check_new_folder` and for a place that turns out not to be
-    writable.
+    It also writes the `files` of an `engine` (`exporting.engines`), and lists their names in engine.json. The manifest
+    contains `errors` unchanged. Raises BadInput as `files.folder.check_new_folder`, and if writing to the folder fails.
     """
     check_new_folder(folder, EXPORT, force)
     description = export_manifest(made, errors)
@@ -167,7 +166,7 @@ def export_manifest(made: Exported, errors: Mapping[str, Any]) -> dict[str, Any]
 def texture_records(
     names: Sequence[str], textures: Sequence[Encoded], shapes: Sequence[tuple[int, ...]], **more: Any
 ) -> list[dict[str, Any]]:
-    """Return what a manifest says of textures of these (rows, columns, …), each with `more`; JSON-able."""
+    """Return the manifest's records of textures with these shapes (rows, columns, …), each with `more`; JSON-able."""
     return [
         {
             "file": name,
@@ -183,7 +182,7 @@ def texture_records(
 
 
 def sampling_record(stored: Reflectance, mixture: LobeMixture) -> dict[str, Any]:
-    """Return the mixture, and how well it does; JSON-able."""
+    """Return a JSON-able record of the mixture and of its sampling noise."""
     measured = [noise.record() for noise in noise_at_angles(stored, mixture)]
     return mixture.describe() | {"measured": measured, "meaning": MEANING}
 

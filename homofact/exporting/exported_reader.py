@@ -1,6 +1,6 @@
-"""An export's folder read back as a fit: what an engine's textures give, in Python.
+"""Read an export's folder back as a fit, with the values that an engine gets from its textures.
 
-The manifest may have been edited by hand: each of its entries is checked, and each texture against it.
+The manifest may have been edited by hand, so every entry is checked, and every texture is compared with its entry.
 """
 
 import os
@@ -42,18 +42,18 @@ class _Texels:
 
 
 def is_export(folder: str | os.PathLike[str]) -> bool:
-    """Return whether a folder's manifest says that it is an export. Raises BadInput for a manifest that is no JSON."""
+    """Return whether a folder has the manifest of an export. Raises BadInput if the manifest is not JSON."""
     path = Path(folder) / MANIFEST
     return path.is_file() and Fields.read(path, f"{FORMAT!r}").found.get("format") == FORMAT
 
 
 def export_record(folder: str | os.PathLike[str]) -> dict[str, Any]:
-    """Return what an export's manifest says; empty for any other folder. Raises BadInput as `is_export`."""
+    """Return the contents of an export's manifest; empty for any other folder. Raises BadInput as `is_export`."""
     return Fields.read(Path(folder) / MANIFEST, f"{FORMAT!r}").found if is_export(folder) else {}
 
 
 def whole_format(folder: str | os.PathLike[str]) -> str | None:
-    """Return the texture format of an export with whole texels, "png8" or "png16"; None for any other folder or file.
+    """Return "png8" or "png16" for an export with integer texels; None for any other folder or file.
 
     Raises BadInput for a manifest that is not JSON.
     """
@@ -62,11 +62,11 @@ def whole_format(folder: str | os.PathLike[str]) -> str | None:
 
 
 def open_exported(folder: str | os.PathLike[str]) -> Factorization | Separable | ModelFit:
-    """Return the fit that an export's textures give, or that the numbers of its model do.
+    """Return the fit given by an export's textures, or by the parameters of its model.
 
-    Whole texels keep their grid: exported again in the same format, they are the same numbers.
-    Raises BadInput, one line, for a folder without a manifest, a manifest of another format or a newer version, an
-    entry that cannot be meant, and textures that are missing, damaged, or not as the manifest says.
+    Integer texels keep their quantization grid, so exporting the fit again in the same format gives the same integers.
+    Raises BadInput for a folder without a manifest, a manifest of another format or a newer version, an invalid entry,
+    and textures that are missing, damaged, or do not match the manifest.
     """
     place = Path(folder)
     fields = Fields.read(place / MANIFEST, f"the manifest of a {FORMAT!r}")

@@ -1,18 +1,19 @@
 """The glTF material that looks most like a reflectance: its parameters by nonlinear least squares.
 
-Minimised is the sum of two parts, each over its own sum without a fit:
+The fit minimises the sum of two parts. Each part is divided by its value for a black material:
 
-* what a sphere under small lamps shows: cube roots of f cosθi at pairs drawn along the lobe
+* a sphere under small lamps: errors of the cube roots of f cosθi, at pairs of directions drawn around the lobe
   (`brdf.analytic.nonlinear`);
-* what a sphere under a sky shows: the 2.2nd roots of its radiance at `PLACES` places, integrated by the nodes of
-  `geometry.quadrature`. Without it GGX's long tails, fitted to a material that has none, lose half of its light.
+* a sphere under a sky: errors of radiance^(1/2.2) at `PLACES` points, integrated by the nodes of `geometry.quadrature`.
+  Without this part, a GGX lobe fitted to a material without long tails would lose half of the material's light.
 
-The base colour is not searched for. The material is linear in it, so each trial gets the colour that gives every
-channel the mean albedo of the reflectance; where that lies outside [0, 1], a third part holds what is missing.
+The base colour is not a free parameter. The material is linear in its base colour, so each trial computes the colour
+that gives every channel the mean albedo of the reflectance. A colour outside [0, 1] is clamped, and a third part of the
+sum is the resulting error of the mean albedo.
 
-Every other number of the material is a logistic function of a free one. An extension is kept where it takes away at
-least `HELPS` of what is left: a viewer that does not know it shows something less like. Where no more than `ENOUGH` is
-left none is tried.
+Every other parameter of the material, except the rotation of the anisotropy, is a logistic function of a free variable.
+An extension is kept only if it reduces the remaining error by at least the share `HELPS`, because a viewer without the
+extension shows a less similar material. If the error is below `ENOUGH` without extensions, none is tried.
 """
 
 import math
@@ -184,21 +185,22 @@ class _Objective:
 def fit_metallic_roughness(
     reflectance: Reflectance, isotropic: bool, *, extensions: bool | Collection[str] = True
 ) -> MetallicRoughness:
-    """Fit the material: its mean albedo is the reflectance's in every channel, wherever a material can have it.
+    """Fit the material; its mean albedo equals that of the reflectance in every channel, if possible.
 
     Parameters
     ----------
     reflectance : Reflectance
         R, G, B or one channel.
     isotropic : bool
-        Whether it is; a lobe that is stretched along a tangent is tried where it is not.
+        Whether the reflectance is isotropic. If not, a lobe stretched along a tangent is tried too.
     extensions : bool or names of EXTENSIONS
-        Those to try, True for all. An extension is kept if it helps, at most two of them: SPECULAR and another.
+        The extensions to try; True for all. An extension is kept only if it helps. At most two are kept: SPECULAR and
+        one other.
 
     Raises
     ------
     BadInput
-        For other channels, and for what reflects nothing.
+        For other channels, and for a reflectance that is 0 everywhere.
     """
     channels = reflectance.channels
     if len(channels) not in (1, 3):

@@ -1,4 +1,4 @@
-"""Textures as images: float EXR for renderers, PNG for eyes.
+"""Textures as images: float EXR for renderers, PNG for viewing.
 
 An EXR stores the logarithm p̃ in float32. A renderer adds its fetches and computes one exponential, so the sampler's
 bilinear interpolation equals that of the fit. (Interpolating exp(p̃) would not: for a 16² lobe the error is several
@@ -38,14 +38,14 @@ _WHAT = {"log": "logarithm p", "factor": "factor of a product, linear"}
 
 
 def write_texture_exr(path: str | os.PathLike[str], texture: Texture, channels: Sequence[str]) -> None:
-    """The texels of one texture, as they are. Raises BadInput as `write_exr`."""
+    """Write the texels of one texture unchanged. Raises BadInput as `write_exr`."""
     what = "coordinates of the spectral basis" if texture.components else _WHAT[texture.quantity]
     comment = f"{what}; first scanline is row 0, v = -1; see manifest.json"
     write_exr(path, texture.texels, exr_channel_names(texture.components or channels), comment)
 
 
 def write_deviation_exr(path: str | os.PathLike[str], texture: Texture, channels: Sequence[str]) -> None:
-    """The standard deviation of every texel's logarithm, where there is one. Raises BadInput as `write_exr`."""
+    """Write the standard deviation of every texel. Raises BadInput if there is none, and as `write_exr`."""
     if texture.deviation is None:
         raise BadInput("the texture has no deviation", where=path, expected=f"a fit with {Advice('confidence', True)}")
     comment = "standard deviation of the logarithm p; rows as in the texture; 0 outside the mask"
@@ -53,7 +53,7 @@ def write_deviation_exr(path: str | os.PathLike[str], texture: Texture, channels
 
 
 def write_texture_png(path: str | os.PathLike[str], texture: Texture, channels: Sequence[str]) -> None:
-    """One texture for the eye, as the module's head says. Raises BadInput for an unwritable place."""
+    """Write one texture as a PNG for viewing (see this module's start). Raises BadInput if it cannot be written."""
     pixels, description = texture_picture(texture, channels)
     PngImagePlugin = extras.library("PIL.PngImagePlugin", f"{path}")
     text = PngImagePlugin.PngInfo()
@@ -63,10 +63,10 @@ def write_texture_png(path: str | os.PathLike[str], texture: Texture, channels: 
 
 
 def texture_picture(texture: Texture, channels: Sequence[str]) -> tuple[np.ndarray, str]:
-    """Return (pixels (H, W, 3) uint8, the words of the text chunk) of one texture, as the module's head says.
+    """Return (pixels (H, W, 3) uint8, text of the chunk `Description`) of one texture's PNG.
 
-    Three channels are shown as red, green, blue; more as the means of the last, middle and first third (long
-    wavelengths red); fewer as grey.
+    Three channels become red, green and blue. Fewer channels become grey. Of more channels, red, green and blue are the
+    means of the last, middle and first third, so long wavelengths are red.
     """
     grey, how = (_logarithms if texture.quantity == "log" else _absolute)(texture, texture.components or channels)
     rows, columns = texture.size
@@ -100,9 +100,10 @@ def _absolute(texture: Texture, channels: Sequence[str]) -> tuple[Tensor, str]:
 
 
 def write_textures(folder: Path, fitted: Fitted) -> list[dict[str, str]]:
-    """NAME.exr and NAME.png of every texture into `folder`; the names of each texture's files.
+    """Write NAME.exr and NAME.png of every texture to `folder`; return the names of each texture's files.
 
-    A fit with confidence leaves NAME_deviation.exr beside them. What has no library here is left out (`LIBRARIES`).
+    For a fit with confidence, it also writes NAME_deviation.exr. It skips file types whose library (`LIBRARIES`) is not
+    installed.
     """
     files = []
     exr, png = (extras.installed(library) for library in LIBRARIES.values())
@@ -120,7 +121,7 @@ def write_textures(folder: Path, fitted: Fitted) -> list[dict[str, str]]:
 
 
 def three_channels(texture: Tensor, channels: Sequence[str]) -> tuple[Tensor, str]:
-    """Return (rows, columns, 3) to look at, and words for what the three are."""
+    """Return three channels (rows, columns, 3) for display, and a description of them."""
     count = len(channels)
     if count == 3:
         return texture, f"red, green, blue = {', '.join(channels)}"
@@ -132,7 +133,7 @@ def three_channels(texture: Tensor, channels: Sequence[str]) -> tuple[Tensor, st
 
 
 def enlarged_and_hatched(pixels: Tensor, mask: Tensor) -> np.ndarray:
-    """Return (H, W, 3) uint8 of pixels (rows, columns, 3) uint8 in whole squares; hatched yellow where not `mask`."""
+    """Return pixels (rows, columns, 3) enlarged to (H, W, 3) uint8, hatched in yellow outside the mask."""
     tall, wide = _magnification(*mask.shape)
     outside = _enlarged((~mask).numpy(), tall, wide)
     y, x = np.mgrid[: outside.shape[0], : outside.shape[1]]

@@ -39,9 +39,9 @@ LABEL = "8-bit whole numbers, the layer at each texel; read the texel that (u, v
 
 @dataclass(frozen=True)
 class LayeredExport:
-    """Layers as they will be stored: `stored` with the texels that a sampler finds, `textures` the arrays.
+    """Layers as they will be stored: `stored` has the texels as a sampler reads them, `textures` are the arrays.
 
-    With `sampling`, a mixture for each layer, the shaders have its functions too.
+    `sampling` contains one lobe mixture per layer. With it, the shaders also contain sampling functions.
     """
 
     stored: Layered
@@ -78,15 +78,15 @@ def exported_layers(fit: Layered, form: Format) -> LayeredExport:
 
 
 def with_sampling(made: LayeredExport) -> LayeredExport:
-    """With a mixture fitted to each layer's stored texels."""
+    """Return the export with a sampling mixture fitted to the stored texels of each layer."""
     return replace(made, sampling=fitted_mixtures(made.stored.layers))
 
 
 def codes(made: LayeredExport) -> dict[str, str]:
     """Return the text of each program by file name.
 
-    `homofact_evaluate(wi, wo, layer)`, `homofact_layer(uv)` and, of what has a sampling, `homofact_sample(wo, u,
-    layer)` and `homofact_density(wi, wo, layer)`.
+    The programs define `homofact_evaluate(wi, wo, layer)` and `homofact_layer(uv)`. With `sampling`, they also define
+    `homofact_sample(wo, u, layer)` and `homofact_density(wi, wo, layer)`.
     """
     lines = (f"Labels: {LABELS}, 8-bit whole numbers, not normalised; no sampler.",)
     program = replace(made.program, title=(*made.program.title, *lines))
@@ -105,7 +105,7 @@ def codes(made: LayeredExport) -> dict[str, str]:
 
 
 def put_layers(place: Path, made: LayeredExport, labels: np.ndarray) -> dict[str, Any]:
-    """Write arrays, shaders, labels (rows, columns) and manifest into a folder that is being filled; the manifest."""
+    """Write arrays, shaders, labels (rows, columns) and manifest to an existing folder; return the manifest."""
     for name, texture in zip(made.names, made.textures, strict=True):
         made.format.write(
             place / name,

@@ -1,7 +1,8 @@
-"""How near a look-alike comes to the fit that is exported: measured once, with one wording for all who say it.
+"""Measure how similar a look-alike is to the exported fit, and describe the result in words.
 
-A look-alike is one of the materials that a format has (`gltf_fit`), in the place of the fit. Its file, its README, the
-terminal and the JSON report have the same figures: those of `evaluation.appearance`, against the stored fit.
+A look-alike is a material of a format's built-in model (`gltf_fit`) that replaces the fit. Its file, its README, the
+terminal and the JSON report give the same figures: the results of `evaluation.appearance`, measured against the stored
+fit.
 """
 
 import math
@@ -29,7 +30,7 @@ class Likeness:
     appearance : Appearance
         All figures.
     under_sky_alone : bool
-        Whether it is seen under a sky alone, as in Godot, whose lamps show the fit itself.
+        Whether only a sky shows the look-alike, as in Godot, where lamps show the fit itself.
     """
 
     appearance: Appearance
@@ -37,12 +38,12 @@ class Likeness:
 
     @property
     def albedo(self) -> float:
-        """Directional albedo over the fit's, at the worst angle in the worst channel; infinite where the fit has 0."""
+        """Directional albedo divided by the fit's, at the worst angle and channel; infinite if the fit's is 0."""
         return self.appearance.energy.albedo_worst
 
     @property
     def highlight(self) -> float:
-        """Light of the brightest 1% of the directions over the fit's."""
+        """Light of the highlight (brightest 1%) divided by the fit's."""
         return self.appearance.energy.highlight
 
     @property
@@ -54,7 +55,7 @@ class Likeness:
 
     @property
     def poor(self) -> bool:
-        """Whether a picture shows the difference: see `LEAST_PSNR`, `MOST_ALBEDO` and `MOST_HIGHLIGHT`."""
+        """Whether the look-alike differs visibly from the fit (`LEAST_PSNR`, `MOST_ALBEDO`, `MOST_HIGHLIGHT`)."""
         seen = self.appearance
         least = seen.psnr_sky if self.under_sky_alone else min(seen.psnr_sky, seen.psnr_light)
         bounded = 1 / MOST_ALBEDO <= round(self.albedo, 2) <= MOST_ALBEDO
@@ -62,11 +63,11 @@ class Likeness:
 
     @property
     def warning(self) -> str:
-        """What is wrong, and which exports show the fit itself; empty unless `poor`."""
+        """Warning with the differences and the exports that show the fit itself; empty unless `poor`."""
         return self.warning_of(prefiltered=False)
 
     def warning_of(self, prefiltered: bool) -> str:
-        """Return `warning`, without the advice to filter a sky where the export has one already."""
+        """Return `warning`, without the advice to prefilter a sky if the export already has a prefiltered sky."""
         if not self.poor:
             return ""
         sky = f"{_picture(self.appearance.psnr_sky)} under a sky"
@@ -82,7 +83,7 @@ class Likeness:
 
     @property
     def table(self) -> str:
-        """Albedo over the fit's by angle of the light and channel, as Markdown."""
+        """Albedo divided by the fit's, by angle of the light and channel, as a Markdown table."""
         energy = self.appearance.energy
         channels = ("red", "green", "blue") if len(energy.energy) == 3 else ("albedo",)
         rows = [f"| angle | {' | '.join(channels)} |", "| ---: |" + " ---: |" * len(channels)]
@@ -116,7 +117,7 @@ class Likeness:
 
 @dataclass(frozen=True)
 class AddedLookAlike(Added):
-    """What an engine adds that shows a look-alike, and how near that comes."""
+    """The files that an engine adds to show a look-alike, and the look-alike's `likeness`."""
 
     likeness: Likeness | None = None
 
@@ -131,7 +132,7 @@ def likeness(look: MetallicRoughness, fitted: Fitted, under_sky_alone: bool = Fa
     fitted : Fitted
         The fit as it is stored.
     under_sky_alone : bool, optional
-        Whether the look-alike is seen under a sky alone, and lamps show the fit itself.
+        Whether only a sky shows the look-alike, and lamps show the fit itself.
     """
     found = appearance(look, as_source(fitted, "the fit", _DRAWN))
     assert found is not None, "a fit is known at all directions"

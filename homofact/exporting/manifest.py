@@ -1,7 +1,7 @@
 """The manifest: everything but the texels that a program needs to evaluate a fit, in JSON.
 
-The format is versioned by itself. Numbers are written so that they read back exactly (float64, shortest
-form); a reader in another language needs this file and the EXR textures, nothing else.
+The format has its own version number. Numbers are written as the shortest decimals that read back exactly as float64. A
+reader in another language needs only this file and the EXR textures.
 """
 
 import json
@@ -99,7 +99,7 @@ def conventions(described: Mapping[str, Any]) -> dict[str, Any]:
 def manifest(fitted: Fitted, files: Sequence[Mapping[str, str]]) -> dict[str, Any]:
     """Return the JSON-able description; `files` names each texture's files, for instance {"exr": …, "png": …}.
 
-    Raises BadInput where the files are not one entry a texture.
+    Raises BadInput unless `files` has one entry per texture.
     """
     textures, described = fitted.textures, fitted.describe()
     if len(files) != len(textures):
@@ -182,7 +182,7 @@ def _sum_of_products(
 def write_json(path: str | os.PathLike[str], obj: Any) -> None:
     """Write `obj` as indented UTF-8 JSON, whole or not at all.
 
-    Raises BadInput for what JSON cannot hold (NaN and infinities included) and a place that cannot be
+    Raises BadInput for values that JSON does not support (including NaN and infinities), and if the file cannot be
     written.
     """
     try:

@@ -1,4 +1,4 @@
-"""A sky and a material's table for it, in an export's folder: a cube map with levels, the table, shaders, the error."""
+"""The prefiltered sky of an export and a material's table for it: a cube map with levels, shaders, and the error."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -42,9 +42,9 @@ MEANING = (
 
 @dataclass(frozen=True)
 class PrefilteredExport:
-    """`data` as its textures hold it, the table in the format `form`; `error` is the relative RMS that `MEANING` says.
+    """`data` rounded as in its files, with the table in `form`; `error` is the relative RMS defined in `MEANING`.
 
-    The sky is a DDS where the export's textures are, else a KTX2 (`dds`).
+    The sky is a DDS file if the export's textures are DDS files (`dds`), else a KTX2 file.
     """
 
     data: Prefiltered[SkyChain]
@@ -92,7 +92,7 @@ class PrefilteredExport:
         )
 
     def record(self) -> dict[str, Any]:
-        """JSON-able, for the manifest."""
+        """Return the record for the manifest, JSON-able."""
         table, light, lit = self.names
         sky, material = self.data.sky, self.data.material
         return {
@@ -134,7 +134,7 @@ class PrefilteredExport:
         }
 
     def sentence(self) -> str:
-        """What the screen says."""
+        """Return the sentence that the command prints."""
         sky = self.data.sky
         return (
             f"Split sum under {harmless(sky.name)}: a cube map of {sky.side} texels per side with {len(sky.levels)}"
@@ -144,9 +144,9 @@ class PrefilteredExport:
 
 
 def prefiltered_export(fitted: Fitted, light: EnvironmentMap, form: Format, side: int = SIDE) -> PrefilteredExport:
-    """A fit's table and the sky: the table in the format where it holds floats, else in half floats of an EXR.
+    """Compute a fit's table and the sky; the table is stored in `form` if that has floats, else as half-float EXR.
 
-    Raises BadInput for channels that are no picture's, and a side that no chain has.
+    Raises BadInput for unsupported channels, and for an unsupported side of the cube map.
     """
     held = form if form.storage in ("float32", "float16") else format_named("exr16")
     data = prefiltered(response_of(fitted, own_kernels(side)), in_halves(chain_of(light, side)))
@@ -155,7 +155,7 @@ def prefiltered_export(fitted: Fitted, light: EnvironmentMap, form: Format, side
 
 
 def in_halves(sky: SkyChain) -> SkyChain:
-    """The sky as its file holds it."""
+    """Return the sky rounded to half floats, as its file stores it."""
     levels = [level.to(torch.float16).to(torch.float64) for level in (*sky.levels, sky.irradiance)]
     return replace(sky, levels=tuple(levels[:-1]), irradiance=levels[-1])
 
@@ -163,7 +163,7 @@ def in_halves(sky: SkyChain) -> SkyChain:
 def write_sky(path: Path, sky: Sequence[Tensor]) -> None:
     """Write levels (6, N, N, 3) as a cube map of RGBA16F, as DDS if the path ends in .dds, else as KTX2.
 
-    Raises BadInput as those do.
+    Raises BadInput as `write_dds_cube` and `write_ktx2_cube`.
     """
     levels = with_alpha(sky)
     if path.suffix == ".dds":
@@ -178,13 +178,13 @@ def with_alpha(sky: Sequence[Tensor]) -> list[np.ndarray]:
 
 
 def relative_rms(data: Prefiltered, fitted: Fitted, light: EnvironmentMap) -> float:
-    """What `MEANING` says, of a sphere of `SIZE` pixels."""
+    """Return the error defined in `MEANING`, for a sphere of `SIZE` pixels."""
     exact = render_filtered(fitted, light, SIZE)
     return compared(picture(data, SIZE), exact)
 
 
 def picture(data: Prefiltered, size: int, view: Sequence[float] = (0.0, 0.0, 1.0)) -> SphereImage:
-    """The sphere by the split sum, laid out as by `rendering.sphere`."""
+    """Render the sphere by the split sum, with the layout of `rendering.sphere`."""
     x, y, z = view
     coverage, surface = seen_surface(size, (x, y, z))
     n = surface.frame[:, 2].contiguous()
@@ -195,7 +195,7 @@ def picture(data: Prefiltered, size: int, view: Sequence[float] = (0.0, 0.0, 1.0
 
 
 def compared(found: SphereImage, exact: SphereImage) -> float:
-    """√(Σ difference²/Σ exact²) over the pixels that the sphere covers, weighted by how much of them."""
+    """Return √(Σ difference²/Σ exact²) over the sphere's pixels, weighted by their coverage."""
     weight = exact.coverage[..., None]
     difference = (found.radiance - exact.radiance).square() * weight
     return float((difference.sum() / (exact.radiance.square() * weight).expand_as(difference).sum()).sqrt())

@@ -1,6 +1,6 @@
 """The folder of a result: factorization.npz, manifest.json, the textures, pictures, report.json.
 
-To read one back loads no torch.
+Reading a result back does not load torch.
 """
 
 import json
@@ -30,9 +30,9 @@ def write_result(
     """Write the whole result to `folder`, or nothing.
 
     `pictures` is called with the folder under construction and adds its files to it. Raises BadInput as
-    `files.folder.check_new_folder` and `write_folder`; whatever else goes wrong, `pictures` included, passes through
-    with the place as it was before. Where anything but an interrupt ends it after the fit is saved, the fit alone is
-    kept beside the place, and the error says where.
+    `files.folder.check_new_folder` and `write_folder`. Other exceptions, including those of `pictures`, are passed on,
+    and an existing folder stays unchanged. If an error other than an interrupt occurs after the fit is saved, the fit
+    alone is kept beside `folder`, and the error gives its path.
     """
     from homofact.exporting.images import write_textures
     from homofact.exporting.manifest import manifest, write_json
@@ -54,7 +54,7 @@ def write_result(
 def open_result(place: str | os.PathLike[str]) -> Fitted:
     """Return the fit of a result folder, of a saved file, or of an export's textures.
 
-    Raises BadInput where there is none.
+    Raises BadInput if there is no fit.
     """
     found = saved_file(place, MANIFEST)
     if found.name == MANIFEST and is_export(found.parent):
@@ -63,9 +63,10 @@ def open_result(place: str | os.PathLike[str]) -> Fitted:
 
 
 def read_record(place: str | os.PathLike[str]) -> dict[str, Any]:
-    """Return what is recorded of a fit, given by its folder or its file; empty where nothing can be read.
+    """Return the record of a fit, given by its folder or file; empty if no record can be read.
 
-    A folder has it in report.json, which goes before what the file of its fit holds; any other file in itself.
+    The record of a folder is its report.json. For FOLDER/factorization.npz, report.json takes precedence over the
+    record in the file. Any other file contains its own record.
     """
     path = Path(place)
     if path.name != FACTORIZATION and path.is_file():

@@ -1,1 +1,1 @@
-"""Files written whole or not at all, and read strictly: once, for all formats."""
+"""Write files whole or not at all, and read them strictly; common to all formats."""

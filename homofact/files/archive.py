@@ -1,11 +1,11 @@
-"""Archives of arrays (.npz): one strict reader, one writer; and the one file that a fit is saved in.
+"""Archives of arrays (.npz): a strict reader, a writer, and the file format of saved fits.
 
-numpy's own reader believes a member's header and allocates what it says. Here the header must be the plain form that
-numpy writes, its shape must fill exactly what the zip's directory says the member unpacks to, and what is unpacked is
-bounded by the archive's own size: every size is checked against the file before anything is allocated.
+numpy's own reader trusts the header of a member, and allocates memory accordingly. This reader accepts only the plain
+headers that numpy writes. The bytes of an array must equal the unpacked size that the zip's directory states. The size
+of the archive limits the total unpacked size. Every size is checked against the file before memory is allocated.
 
-A saved fit is an .npz of plain arrays, one of them a JSON header with format and version. A fit that was judged has
-one more, a JSON record of how it was made and of its verdict.
+A saved fit is an .npz of plain arrays, one of them a JSON header with format and version. A fit with a verdict has
+another array with a JSON record of its provenance and verdict.
 """
 
 import io
@@ -55,7 +55,7 @@ _DAMAGE = (
 
 
 def member_names(path: object, raw: bytes, expected: str) -> list[str]:
-    """Return names of the archive's .npy members without their ending, in its order. Raises BadInput where damaged."""
+    """Return the names of the archive's .npy members, without .npy. Raises BadInput for a damaged archive."""
     try:
         with zipfile.ZipFile(io.BytesIO(raw)) as archive:
             return [name.removesuffix(".npy") for name in archive.namelist() if name.endswith(".npy")]
@@ -64,10 +64,10 @@ def member_names(path: object, raw: bytes, expected: str) -> list[str]:
 
 
 def read_arrays(path: object, raw: bytes, wanted: Iterable[str], expected: str) -> dict[str, np.ndarray]:
-    """Return the arrays called `wanted` that the archive `raw` holds; one that it lacks is left out.
+    """Return the arrays named in `wanted` from the archive `raw`, without the missing ones.
 
-    `expected` says what the archive should have been ("a whole .npz of samples"). Raises BadInput for a
-    damaged archive, pickled or structured arrays, and sizes that the file cannot bear out.
+    `expected` describes the expected archive in messages ("a whole .npz of samples"). Raises BadInput for a damaged
+    archive, pickled or structured arrays, and sizes that contradict the file.
     """
     allowance = 3 * len(raw) + _SLACK
     found: dict[str, np.ndarray] = {}
@@ -90,7 +90,7 @@ def read_arrays(path: object, raw: bytes, wanted: Iterable[str], expected: str) 
 
 
 def read_header(path: object, arrays: dict[str, np.ndarray], expected: str) -> dict[str, Any]:
-    """Return the JSON object in the array "header". Raises BadInput where it is missing or holds anything else."""
+    """Return the JSON object in the array "header". Raises BadInput if it is missing or different."""
     text = arrays.get("header")
     if text is None or text.shape != () or text.dtype.kind != "U":
         raise BadInput("holds no header", where=path, expected=expected)
@@ -124,9 +124,9 @@ def write_arrays(path: str | os.PathLike[str], arrays: dict[str, np.ndarray]) ->
 
 
 def saved_file(place: str | os.PathLike[str], *others: str) -> Path:
-    """Return the saved fit in a result's folder, or of `others` the first that is there; or the file itself.
+    """Return the path of a folder's saved fit, or of its first existing file in `others`, or of the given file.
 
-    A result that a killed run has left aside is put back first. Raises BadInput for a folder without any.
+    A result that a killed run moved aside is restored first. Raises BadInput for a folder without such a file.
     """
     target = Path(place)
     if not target.exists():
@@ -145,7 +145,7 @@ def write_archive(path: str | os.PathLike[str], header: dict[str, Any], arrays: 
 
 
 def add_record(path: str | os.PathLike[str], record: dict[str, Any]) -> None:
-    """Add a JSON-able record to the file of a saved fit; one that is there is replaced."""
+    """Add a JSON-able record to the file of a saved fit, or replace its record."""
     raw = read_bytes(path, _FIT)
     arrays = read_arrays(path, raw, member_names(path, raw, _FIT), _FIT)
     write_arrays(path, arrays | {_RECORD: np.array(json.dumps(record))})
@@ -162,7 +162,7 @@ def read_added_record(path: str | os.PathLike[str]) -> dict[str, Any]:
 
 
 def read_archive(path: str | os.PathLike[str]) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-    """Return (arrays, header) of a saved fit of any kind. Raises BadInput for a file that is none."""
+    """Return (arrays, header) of a saved fit of any kind. Raises BadInput for any other file."""
     raw = read_bytes(path, "a saved factorization")
     try:
         arrays = read_arrays(path, raw, member_names(path, raw, _FIT), _FIT)

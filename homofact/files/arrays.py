@@ -1,7 +1,7 @@
-"""Arrays of an archive read with care: each is checked where it is taken, as `fields.Fields` checks a header's entries.
+"""Arrays of an archive: each is checked when it is read, as `fields.Fields` checks a header's entries.
 
-What is read once here is trusted afterwards: shapes agree, numbers are finite, and what names a place in another array
-names one that is there.
+Later code does not check these arrays again: their shapes agree, their numbers are finite, and their indices into other
+arrays are valid.
 """
 
 from collections.abc import Mapping
@@ -33,7 +33,7 @@ class Arrays:
         return name in self._arrays
 
     def floats(self, name: str, shape: Shape, least: float = -MOST_VALUE) -> np.ndarray:
-        """A float64 array of this shape, its numbers from `least` to `MOST_VALUE`, stored as floats of any kind."""
+        """Return an array of floats of this shape as float64, with numbers from `least` to `MOST_VALUE`."""
         # A copy in this machine's order of bytes, and without a signalling NaN's warning.
         with np.errstate(invalid="ignore", over="ignore"):
             values = self._shaped(name, shape, "f").astype(np.float64)
@@ -54,7 +54,7 @@ class Arrays:
         most: float = MOST_VALUE,
         gaps: bool = False,
     ) -> np.ndarray:
-        """An array of exactly this type and shape, its numbers from `least` to `most`, or NaN where it has `gaps`."""
+        """Return an array of this type and shape, with numbers from `least` to `most` or, with `gaps`, NaN."""
         wanted = np.dtype(dtype)
         values = self._shaped(name, shape, wanted.kind, empty=True)
         if values.dtype != wanted:
@@ -63,7 +63,7 @@ class Arrays:
         return values
 
     def rotations(self, name: str, dtype: type, count: int) -> np.ndarray:
-        """`count` rotations (count, 3, 3) of exactly this type: rows of unit length, at right angles, right-handed."""
+        """Return `count` rotations (count, 3, 3) of exactly this type, right-handed with orthonormal rows."""
         found = self.stored(name, dtype, (count, 3, 3), -2, 2)
         apart = np.abs(found @ found.transpose(0, 2, 1) - np.eye(3)).max((1, 2), initial=0.0)
         if not ((apart < _ROUNDED) & (np.linalg.det(found.astype(np.float64)) > 0)).all():

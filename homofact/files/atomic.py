@@ -1,11 +1,11 @@
-"""Writing a file whole or not at all: made in a private folder beside its place, then renamed over it.
+"""Write a file whole or not at all: write it in a private folder beside its path, then rename it.
 
 Everything that homofact writes goes through here (`folder.write_folder` uses the same private folder), so that
 
-* whatever goes wrong, an interrupt included, leaves an older file as it was and nothing beside it (what a kill leaves,
-  the next write in the same folder cleans);
-* two writers of one place never share a half-written file, the last to end wins;
-* a symbolic link stays one: the file that it points to is replaced;
+* after an error or interrupt, an older file is unchanged and nothing else remains (after a kill, the next write in the
+  same folder removes what remains);
+* two processes that write the same path never mix their data; the last one to finish wins;
+* a symbolic link stays a link; the file that it points to is replaced;
 * an existing file keeps its permissions, a new one gets those of the umask;
 * the bytes are on the disk before the name points to them, so that a power cut leaves the old file or the new one.
 """
@@ -23,9 +23,9 @@ from homofact.files.private import private_folder
 def replace_file(path: str | os.PathLike[str], write: Callable[[Path], object], *, new: bool = False) -> None:
     """Let `write` make a file of this name in a private folder beside `path`, and rename it to `path`.
 
-    `new` says that nothing may be replaced, what came while it was written included. Raises BadInput where the place
-    cannot be written, or holds what is no file (a folder, a device, a pipe), or with `new` anything; whatever else
-    `write` raises passes through with the place as it was before.
+    With `new`, an existing file is never replaced, even if it appears during the write. Raises BadInput if `path`
+    cannot be written or is not a regular file (a folder, a device, a pipe), or, with `new`, if anything exists at
+    `path`. Other exceptions of `write` are passed on, and `path` stays unchanged.
     """
     with unwritable_refused(path):
         target = real_place(path)
@@ -49,17 +49,17 @@ def write_bytes(path: str | os.PathLike[str], data: bytes, *, new: bool = False)
 
 
 def write_text(path: str | os.PathLike[str], text: str) -> None:
-    """Make or replace a UTF-8 file, whole or not at all, line ends as they are. Raises BadInput as `replace_file`.
+    """Make or replace a UTF-8 file, whole or not at all; line ends are kept. Raises BadInput as `replace_file`.
 
-    A lone surrogate, which no UTF-8 holds, is written as \\udcff: in JSON that is the surrogate again.
+    A lone surrogate, which UTF-8 cannot encode, is written as \\udcff: JSON reads this as the surrogate again.
     """
     write_bytes(path, text.encode(errors="backslashreplace"))
 
 
 def flush(place: Path) -> None:
-    """Have the system write a file, or the names in a folder, to the disk.
+    """Flush a file, or the names in a folder, to the disk.
 
-    Raises OSError for a file that cannot be kept (a full or failing disk).
+    Raises OSError if the file cannot be stored (a full or failing disk).
     """
     try:
         handle = os.open(place, os.O_RDONLY)

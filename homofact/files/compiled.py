@@ -1,7 +1,7 @@
-"""A place for compiled code where neither the package's folder nor the user's can be written.
+"""A cache folder for compiled code, if neither the package's folder nor the user's cache is writable.
 
-numba keeps what it compiles beside the source, else in the user's cache, and refuses to compile where it can do
-neither: a read-only installation without a home, as in many containers. Then the run gets a folder of its own.
+numba stores compiled code beside the source, or else in the user's cache. If both are read-only, as in many containers
+without a home folder, numba refuses to compile. homofact then gives the run a folder of its own.
 """
 
 import atexit
@@ -14,7 +14,7 @@ VARIABLE = "NUMBA_CACHE_DIR"
 
 
 def give_place(package: Path) -> None:
-    """Have numba use a private folder, deleted when this process ends, where it has no other; loads nothing else."""
+    """Make numba use a temporary folder, deleted at exit, if it has no other; numba is not imported."""
     if VARIABLE in os.environ or _writable(package / "linear" / "__pycache__") or _writable(_of_user()):
         return
     import tempfile

@@ -1,7 +1,8 @@
 """The example data and settings that come with homofact: `data_synthetic/` and `configs/`.
 
-A path in them that is not in the working folder is the file of that name in the package, so that the commands and lines
-of the README work in any folder. In a checkout they lie beside the package, in an installed one inside it.
+If a path in these folders does not exist in the working folder, homofact uses the file of that name in the package. So
+the commands and code of the README work in any folder. In a checkout, the two folders are beside the package. In an
+installation, they are inside the package.
 """
 
 import os
@@ -18,7 +19,7 @@ def root() -> Path:
 
 
 def embedded(path: str | os.PathLike[str]) -> Path | None:
-    """Return the file of the package that a path means which does not exist itself; None for any other."""
+    """Return the package's file for a path that does not exist itself; None if there is no such file."""
     if os.path.lexists(path):
         return None
     try:
@@ -31,5 +32,5 @@ def embedded(path: str | os.PathLike[str]) -> Path | None:
 
 
 def located(path: str | os.PathLike[str]) -> Path:
-    """Return the path itself, or the embedded file that it means."""
+    """Return the embedded file for a path that does not exist, otherwise the path itself."""
     return embedded(path) or Path(path)

@@ -1,4 +1,4 @@
-"""Two names exchanged in one step, where the system can: at no moment is there nothing under either of them."""
+"""Exchange two names in one step, if the system can do so: both names exist at every moment."""
 
 import ctypes
 import errno

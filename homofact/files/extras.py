@@ -1,4 +1,4 @@
-"""Libraries that not every installation has: the extra that brings each, and one message where it is missing.
+"""Optional libraries: the extra that installs each, and a common message if a library is missing.
 
 OpenEXR = extras.library("OpenEXR", "EXR images")
 """
@@ -28,9 +28,9 @@ LIBRARIES = {
 
 
 def library(module: str, purpose: str) -> Any:
-    """Return the module, imported.
+    """Import and return a module.
 
-    Raises MissingDependency, which begins with its `purpose`, where its extra is missing.
+    Raises MissingDependency, with a message that begins with `purpose`, if the module is not installed.
     """
     try:
         return import_module(module)
@@ -39,30 +39,30 @@ def library(module: str, purpose: str) -> Any:
 
 
 def check(purpose: str, *modules: str) -> None:
-    """Raise MissingDependency as `library` for the first of some modules that is not installed; nothing is loaded."""
+    """Raise MissingDependency as `library` for the first missing module; nothing is imported."""
     for module in modules:
         if not installed(module):
             raise _missing(module, purpose)
 
 
 def installed(module: str) -> bool:
-    """Return whether a library can be imported, as far as can be said without doing so."""
+    """Return whether a library seems to be installed, without importing it."""
     return util.find_spec(module.partition(".")[0]) is not None
 
 
 def lacking(error: ImportError) -> MissingDependency | None:
-    """Return what an import that failed wants, where an extra brings it; None for any other fault."""
+    """Return the error for a failed import of an optional library; None for any other failed import."""
     top = (error.name or "").partition(".")[0]
     return _missing(top, top) if top in LIBRARIES and not installed(top) else None
 
 
 def told(module: str, purpose: str) -> str:
-    """Return the message: what for, which package is missing, and how it is installed."""
+    """Return the message for a missing package: its purpose, its name, and how to install it."""
     return str(_missing(module, purpose))
 
 
 def left_out(modules: Mapping[str, str]) -> str:
-    """Return one line on what is not made, by the library that each kind of file wants; "" where all are installed.
+    """Return one line on the files that are not written because of missing libraries; "" if none is missing.
 
     left_out({"pictures": "matplotlib", "textures as EXR": "OpenEXR"})
     """

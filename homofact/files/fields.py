@@ -1,8 +1,8 @@
-"""JSON that a person may have edited, read with care: every entry is checked where it is taken.
+"""Read JSON that a person may have edited: every entry is checked when it is read.
 
-A `Fields` is one object of the file and knows its own place there, so that what is wrong is said with file and path:
-`manifest.json: textures[0].rows: found "many", expected a whole number from 1 to 16384`. What a value may be is
-declared and checked as a setting is (`settings.options`).
+A `Fields` is one object of the file. It stores its own path, so that messages contain the file and the path:
+`manifest.json: textures[0].rows: found "many", expected a whole number from 1 to 16384`. Values are checked in the same
+way as settings (`settings.options`).
 """
 
 import math
@@ -18,23 +18,23 @@ from homofact.settings.options import Declared, Option
 
 @dataclass(frozen=True)
 class Fields:
-    """An object of a JSON file: its entries `found`, and the words for where it is, for messages."""
+    """An object of a JSON file: its entries `found`, and its `place` in words, for messages."""
 
     place: str
     found: dict[str, Any]
 
     @classmethod
     def read(cls, path: Path, what: str) -> "Fields":
-        """Return the object that is a whole file. Raises BadInput for one that is missing or holds no JSON object."""
+        """Return the object in a file. Raises BadInput if the file is missing or contains no JSON object."""
         return cls(f"{path}: ", read_json(path, what))
 
     def refuse(self, name: str, expected: str) -> NoReturn:
-        """Raise BadInput that says what is there under `name`, and what is expected."""
+        """Raise BadInput with the value of the entry `name`, and what is expected."""
         found = short_json(self.found[name]) if name in self.found else "nothing"
         raise BadInput(where=f"{self.place}{name}", found=found, expected=expected)
 
     def value(self, name: str, kind: Any, expected: str = "", **allowed: Any) -> Any:
-        """Return a value of a kind, checked as a setting with these attributes of `Option` is."""
+        """Return an entry of the type `kind`, checked like a setting with these attributes of `Option`."""
         declared = Declared(name, (kind,), False, None, Option("", **allowed))
         try:
             return declared.read(self.found[name])
@@ -50,14 +50,14 @@ class Fields:
         return self.value(name, int, least=least, most=most)
 
     def version(self, name: str, newest: int) -> None:
-        """A version from 1 to the newest that is known."""
+        """Check that an entry is a version from 1 to `newest`. Raises BadInput for any other."""
         value = self.found.get(name)
         if isinstance(value, int) and value > newest:
             raise BadInput(f"{self.place}format version {value}", expected=f"at most {newest}", hint="update homofact")
         self.whole(name, 1, newest)
 
     def flag(self, name: str) -> bool:
-        """True or false."""
+        """Return a boolean."""
         return self.value(name, bool)
 
     def numbers(self, name: str, count: int, above: float | None = None) -> list[float]:

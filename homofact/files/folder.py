@@ -1,7 +1,8 @@
-"""A folder written whole or not at all: built in a private folder beside its place, and put there when it is whole.
+"""Write a folder whole or not at all: build it in a private folder beside its path, then move it into place.
 
-An older one is exchanged for the new one in one step where the system can, else moved aside first and put back if that
-fails; homofact's own files in it are deleted last, and what else is in it moves to the new one.
+If the system can exchange two names in one step, an older folder is exchanged with the new one. Otherwise the older
+folder is moved aside first, and moved back if the replacement fails. At last, other files than homofact's move from the
+older folder to the new one, and homofact's own files are deleted.
 """
 
 import contextlib
@@ -23,10 +24,10 @@ _OCCUPIED = {errno.ENOTEMPTY, errno.EEXIST, errno.EACCES}
 
 
 def check_new_folder(folder: str | os.PathLike[str], kind: FolderKind, force: bool) -> None:
-    """Raise BadInput where `write_folder` could not put a folder of this kind: ask before long work, not after it.
+    """Raise BadInput if `write_folder` cannot write a folder of this kind; call this before long work.
 
-    An empty folder may be used. One that holds the kind's mark is such a folder, which only `force` replaces; one
-    that holds anything else is refused even by force.
+    An empty folder is accepted. A folder that contains the mark file of this kind is accepted only with `force`. Any
+    other folder is rejected, even with `force`.
     """
     target = Path(folder).resolve()
     clean(target.parent)
@@ -53,11 +54,10 @@ def write_folder(
 ) -> None:
     """Let `fill` put files into a new folder, and give it the name `folder`.
 
-    What is there is looked at when the new one is whole, not only before: something that came meanwhile, and that
-    `check_new_folder` refuses, stays, and the new folder is kept beside it as FOLDER-new, which the BadInput says.
-    A symbolic link is followed, and the permissions of an older folder are kept. Raises BadInput for a place that turns
-    out not to be writable, and while another process writes there; whatever else goes wrong passes through with the
-    place as it was before.
+    When the new folder is complete, an existing folder is checked by `check_new_folder`. If it is rejected, it stays,
+    and the new folder is kept beside it as FOLDER-new, which the BadInput names. Symbolic links are followed, and the
+    permissions of an older folder are kept. Raises BadInput if the folder cannot be written, or while another process
+    writes it. Other exceptions are passed on, and an existing folder stays unchanged.
     """
     with claimed(folder), unwritable_refused(folder):
         target = real_place(folder)

@@ -1,6 +1,7 @@
 """The folders that homofact makes, by kind, and which files in them are homofact's own.
 
-Only those are ever deleted. What else lies in such a folder is its owner's, and stays when the folder is made anew.
+homofact deletes only its own files. Other files in such a folder belong to the user, and stay when homofact writes the
+folder again.
 """
 
 import re
@@ -14,13 +15,13 @@ FACTORIZATION = "factorization.npz"
 
 @dataclass(frozen=True)
 class FolderKind:
-    """What a folder is called ("result"), and the file that it is known by."""
+    """The name of a kind of folder ("result"), and the file that identifies such a folder."""
 
     what: str
     mark: str
 
     def is_at(self, place: Path) -> bool:
-        """Return whether a folder is of this kind, or a file is the one that it is known by."""
+        """Return whether `place` is a folder of this kind, or the file that identifies one."""
         return (place / self.mark).is_file() if place.is_dir() else place.name == self.mark
 
 
@@ -53,7 +54,7 @@ _SITE_FOLDERS = {
 
 
 def check_no_fit(place: Path, where: object, expected: str) -> None:
-    """Raise BadInput, with what to do, for the folder of a fit or an export where a measurement is expected."""
+    """Raise BadInput with a remedy if `place` is the folder of a fit or an export, and not a measurement."""
     for kind in (RESULT, EXPORT):
         if place.is_dir() and kind.is_at(place):
             hint = "write the values of the fit to a file first: `homofact.convert`"
@@ -61,7 +62,7 @@ def check_no_fit(place: Path, where: object, expected: str) -> None:
 
 
 def is_ours(entry: Path) -> bool:
-    """Whether something in a folder of these kinds is homofact's: a file that it puts there, a folder of such files."""
+    """Return whether an entry of such a folder is homofact's: a file that it writes, or a folder of such files."""
     place = entry.parent
     if place.name in _SITE_FOLDERS and (place.parent / SITE.mark).is_file():
         return _SITE_FOLDERS[place.name].fullmatch(entry.name) is not None and _is_file(entry)

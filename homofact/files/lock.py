@@ -30,8 +30,8 @@ _guard = threading.Lock()
 def claimed(path: str | os.PathLike[str]) -> Iterator[None]:
     """Keep every other process from claiming `path` while the block runs; the same process may claim it again.
 
-    Folders above that are missing are made, and gone again at the end where nothing came into them. Raises BadInput
-    where another process has claimed it, and where nothing can be written beside it.
+    Missing parent folders are created, and removed at the end if they are still empty. Raises BadInput if another
+    process has claimed `path`, or if nothing can be written beside it.
     """
     with unwritable_refused(path):
         target = real_place(path)
@@ -51,7 +51,7 @@ def claimed(path: str | os.PathLike[str]) -> Iterator[None]:
 
 @contextlib.contextmanager
 def made_folders(folder: Path) -> Iterator[None]:
-    """Make a folder and those above it; those that were not there go at the end where they are empty."""
+    """Create a folder and its missing parents; at the end, remove those of them that are empty."""
     made = [each for each in (folder, *folder.parents) if not each.exists()]
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -63,9 +63,9 @@ def made_folders(folder: Path) -> Iterator[None]:
 
 
 def lock(place: Path, flags: int) -> int | None:
-    """Return an open handle that holds the lock on `place`; None where another process holds it, or it is gone by now.
+    """Lock `place` and return its open handle; None if another process has the lock, or if `place` is gone.
 
-    Raises NotImplementedError where there are no locks, and OSError where it cannot be opened.
+    Raises NotImplementedError if the system has no locks, and OSError if `place` cannot be opened.
     """
     if fcntl is None:
         raise NotImplementedError("no locks on this system")

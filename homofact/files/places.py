@@ -1,4 +1,4 @@
-"""Where something is to be written: the place that a path leads to, and what the system says against it."""
+"""Output paths: resolve a path's symbolic links, and turn errors of writing into BadInput."""
 
 import contextlib
 import errno
@@ -11,7 +11,7 @@ from homofact.errors import BadInput
 
 @contextlib.contextmanager
 def unwritable_refused(path: str | os.PathLike[str]) -> Iterator[None]:
-    """Turn what the system says against writing `path` into BadInput."""
+    """Turn every OSError of the block into BadInput, which reports that `path` cannot be written."""
     try:
         yield
     except OSError as error:
@@ -22,7 +22,7 @@ def unwritable_refused(path: str | os.PathLike[str]) -> Iterator[None]:
 def real_place(path: str | os.PathLike[str]) -> Path:
     """Return where `path` leads through symbolic links, whether or not something is there.
 
-    Raises OSError for links that lead in a circle, and for a name that no file can have.
+    Raises OSError for circular links, and for an invalid file name.
     """
     if "\0" in os.fspath(path):
         raise OSError(errno.EINVAL, "a zero byte in the name")

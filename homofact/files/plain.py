@@ -1,11 +1,11 @@
-"""Values of any kind as JSON has them."""
+"""Convert values of any type to JSON types."""
 
 import math
 from typing import Any
 
 
 def plain(value: Any) -> Any:
-    """Return `value` in JSON's own types: tuples to lists, numbers that are not finite to None, others by str."""
+    """Return `value` in JSON types: lists for tuples, None for non-finite numbers, strings for other types."""
     if isinstance(value, dict):
         return {str(key): plain(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):

@@ -1,10 +1,11 @@
-"""The private folder in which something is made before it gets its name, and what a killed run left of one.
+"""The private folder in which files are built before they are renamed, and its cleanup after a killed run.
 
     .partial-XXXXXXXX/new/NAME         a folder that is being made (a file lies beside `new`)
     .partial-XXXXXXXX/previous/NAME    what was there before
 
-A private folder is locked by who works in it. One whose lock is free is a dead run's: what was there before goes back
-where its place is empty, what in it is not homofact's goes back in any case, and the rest is deleted.
+A run locks its private folder. A private folder without a lock belongs to a dead run and is cleaned up. If the place of
+previous/NAME is empty, previous/NAME is moved back. Otherwise only files that are not homofact's are moved back from
+it. The rest is deleted.
 """
 
 import contextlib
@@ -24,9 +25,9 @@ _FLAGS = os.O_RDONLY | getattr(os, "O_DIRECTORY", 0)
 
 @contextlib.contextmanager
 def private_folder(target: Path) -> Iterator[Path]:
-    """Return a new hidden folder on the file system of `target`, gone at the end with all that is homofact's in it.
+    """Create a hidden folder beside `target`; delete it at the end, with homofact's files in it.
 
-    What dead runs left beside it is cleaned first. Raises OSError where none can be made.
+    Private folders of dead runs are cleaned up first. Raises OSError if the folder cannot be created.
     """
     clean(target.parent)
     folder, handle = _new(target.parent)
@@ -39,7 +40,7 @@ def private_folder(target: Path) -> Iterator[Path]:
 
 
 def clean(parent: Path) -> None:
-    """Put back or delete what runs that were killed have left in `parent`; whatever cannot be is left."""
+    """Restore or delete the files that killed runs left in `parent`; skip files for which this fails."""
     with contextlib.suppress(OSError):
         for folder in [each for each in parent.iterdir() if each.name.startswith(_PREFIX)]:
             if hasattr(os, "geteuid") and folder.lstat().st_uid != os.geteuid():
@@ -54,7 +55,7 @@ def clean(parent: Path) -> None:
 
 
 def give_back(old: Path, target: Path) -> None:
-    """Move what is not homofact's from a folder that was replaced to the new one; what is in the way stays in `old`."""
+    """Move files that are not homofact's from `old` to `target`; a file whose name is taken stays in `old`."""
     for entry in list(old.iterdir()):
         place = target / entry.name
         if is_ours(entry):

@@ -17,8 +17,7 @@ _DEEPEST, _MOST_DIGITS, _LARGEST_TOML = 100, 20, 1_000_000
 def read_bytes(path: str | os.PathLike[str], expected: str, *, may_be_empty: bool = False) -> bytes:
     """Return all bytes of a file that should be `expected` ("a PNG file").
 
-    Raises BadInput where it is missing, no file but a folder, a pipe or a device, unreadable, or empty where it may not
-    be.
+    Raises BadInput if the file is missing, unreadable, a folder, a pipe or a device, or empty without `may_be_empty`.
     """
     target = Path(path)
     try:
@@ -32,7 +31,7 @@ def read_bytes(path: str | os.PathLike[str], expected: str, *, may_be_empty: boo
 
 
 def check_readable(path: str | os.PathLike[str], expected: str) -> None:
-    """Raise BadInput as `read_bytes` does for a file that is missing, no file or unreadable."""
+    """Raise BadInput, as `read_bytes` does, if a file is missing, unreadable, or not a regular file."""
     target = Path(path)
     try:
         with _opened(target):
@@ -62,7 +61,7 @@ def _refusal(target: Path, error: OSError | ValueError, expected: str) -> BadInp
 
 
 def read_toml(path: str | os.PathLike[str], expected: str) -> dict[str, Any]:
-    """Return the table that is a TOML file. Raises BadInput where it cannot be read or is no TOML."""
+    """Return the table in a TOML file. Raises BadInput if the file cannot be read or is not TOML."""
     # An empty file is TOML that says nothing.
     data = read_bytes(path, expected, may_be_empty=True)
     if len(data) > _LARGEST_TOML:
@@ -79,7 +78,7 @@ def read_toml(path: str | os.PathLike[str], expected: str) -> dict[str, Any]:
 
 
 def read_json(path: str | os.PathLike[str], expected: str) -> dict[str, Any]:
-    """Return the object that is a JSON file. Raises BadInput where it cannot be read, is no JSON, or no object."""
+    """Return the object in a JSON file. Raises BadInput if the file cannot be read or has no JSON object."""
     data = read_bytes(path, expected)
     try:
         found = parsed_json(data.decode("utf-8"))
@@ -91,9 +90,9 @@ def read_json(path: str | os.PathLike[str], expected: str) -> dict[str, Any]:
 
 
 def parsed_json(text: str) -> Any:
-    """Return what a JSON text says.
+    """Return the value of a JSON text.
 
-    Raises ValueError for one that is none, and for depths and digits that nobody means.
+    Raises ValueError for invalid JSON, and for excessive nesting or numbers of digits.
     """
     try:
         found = json.loads(text, parse_int=_whole)

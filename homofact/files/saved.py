@@ -1,4 +1,4 @@
-"""The one file of a saved fit read with care: every array and every entry is checked where it is taken."""
+"""Read the file of a saved fit: every array and every entry is checked when it is read."""
 
 import os
 from dataclasses import dataclass
@@ -10,13 +10,13 @@ from homofact.files.fields import Fields
 
 @dataclass(frozen=True)
 class SavedFit(Arrays):
-    """A saved fit as it was read: its `fields` are the header, each of its arrays is taken by `floats` or `flags`."""
+    """A saved fit: `fields` are the entries of its header, and `floats` and `flags` return its arrays."""
 
     fields: Fields
 
     @classmethod
     def read(cls, path: str | os.PathLike[str], form: str, newest: int) -> "SavedFit":
-        """Return a file of the format `form`, at most of the version `newest`. Raises BadInput for any other."""
+        """Read a file of the format `form` with a version of at most `newest`. Raises BadInput for any other file."""
         arrays, header = read_archive(path)
         fields = Fields(f"{os.fspath(path)}: ", header)
         fields.text("format", (form,))

@@ -1,7 +1,8 @@
-"""Tables as CSV, that nothing in a cell acts: a spreadsheet runs a text that begins as a formula does.
+"""Write tables as CSV with harmless cells: a spreadsheet would run a text that begins like a formula.
 
-Such a text is written behind an apostrophe, by which spreadsheets mark text, and one that begins with an apostrophe
-behind another, so that `csv_rows` gives back what `csv_text` was given. Numbers are written as they are.
+An apostrophe is written before such a text, because spreadsheets mark text in this way. A text that begins with an
+apostrophe gets another one, so that `csv_rows` returns the rows that `csv_text` received. Numbers are written
+unchanged.
 """
 
 import csv
@@ -21,7 +22,7 @@ def csv_text(rows: Iterable[Sequence[Any]]) -> str:
 
 
 def csv_rows(text: str) -> list[list[str]]:
-    """Return the rows of what `csv_text` wrote. Raises csv.Error for what is no CSV."""
+    """Return the rows of a text that `csv_text` wrote. Raises csv.Error for invalid CSV."""
     return [[_plain(cell) for cell in row] for row in csv.reader(io.StringIO(text, newline=""))]
 
 

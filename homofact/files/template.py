@@ -23,18 +23,18 @@ def filled(text: str, mark: re.Pattern[str], values: Mapping[str, str]) -> str:
     text
         The template.
     mark
-        `AT` or `BRACES`: what a mark looks like, its name as the first group.
+        `AT` or `BRACES`: the pattern of a mark, with its name as the first group.
     values
-        By name. What they hold stays as it is.
+        The values by name. Marks inside the values are not replaced.
 
     Raises
     ------
     KeyError
-        For a mark without a value, a mistake in the template.
+        For a mark without a value, which is a mistake in the template.
     """
     return mark.sub(lambda found: values[found[1]], text)
 
 
 def source_digest(text: str) -> str:
-    """Return what a Content-Security-Policy calls an inline style or script of exactly this text."""
+    """Return the hash by which a Content-Security-Policy allows an inline style or script of this text."""
     return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"

@@ -13,12 +13,12 @@ _SHOWN = 24
 
 
 def text_of(raw: bytes) -> str:
-    """Return a text file's bytes as latin-1, which takes every byte; without the mark that Excel puts before UTF-8."""
+    """Decode a text file as latin-1, which accepts every byte, without the byte order mark of UTF-8."""
     return raw.removeprefix(_BYTE_ORDER_MARK).decode("latin-1")
 
 
 def beginning(raw: bytes) -> str:
-    """How a file begins, in quotes and harmless to show: its first line that is not blank, cut where it is long."""
+    """Return the first non-blank line of a file for messages: in quotes, `harmless`, shortened if long."""
     text = raw[:4096].removeprefix(_BYTE_ORDER_MARK).decode("utf-8", "replace")
     line = next((line.strip() for line in text.split("\n") if line.strip()), "")
     return f"'{harmless(line if len(line) <= _SHOWN else line[:_SHOWN] + '…')}'"
@@ -33,7 +33,7 @@ def numbered_lines(raw: bytes) -> Iterator[tuple[int, str]]:
 
 
 def check_last_line(path: object, raw: bytes, number: int) -> None:
-    """Raise BadInput where line `number`, the last, has no line end: its last number may be cut."""
+    """Raise BadInput if the last line, `number`, has no line end, because its last value may be cut off."""
     if not raw.endswith((b"\n", b"\r")):
         what = f"line {number} has no line end, so its last number may be cut"
         raise BadInput(what, where=path, expected="a whole file", hint="or add the line end")
@@ -49,8 +49,9 @@ def number_table(
 ) -> tuple[np.ndarray, list[int]]:
     """Return the numbers (rows, columns) of `lines` in float64, and the line of each row.
 
-    `what` says what the columns are, for the error, and `names` are their names where they have some; `separator` None
-    is blanks. Raises BadInput naming the line for another number of columns and for what is no finite number.
+    In messages, `what` describes the columns, and `names` are their names, if any. A `separator` of None means white
+    space. Raises BadInput that names the line for a wrong number of columns, and for a value that is not a finite
+    number.
     """
     values: list[float] = []
     numbers: list[int] = []

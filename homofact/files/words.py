@@ -1,7 +1,7 @@
-"""Words from elsewhere made harmless to show: names of channels, files and materials may hold anything.
+"""Make untrusted words harmless to print: names of channels, files and materials may contain anything.
 
-A control character can move a terminal's cursor, a bidirectional one can make code read otherwise than it runs, a lone
-surrogate cannot be written at all. Each is shown by its number, as JSON writes it.
+A control character can move a terminal's cursor. A bidirectional character can make code look different from what it
+runs. A lone surrogate cannot be written at all. Each of them is replaced by its escape code, as in JSON.
 """
 
 import re
@@ -12,7 +12,7 @@ _SPACES = frozenset("\u00a0\u2007\u2009\u200a\u202f")
 
 
 def harmless(text: str, keep: str = "") -> str:
-    """The text with every character that is no visible one, a space, or in `keep`, as \\u and its four digits."""
+    """Return the text with all but visible characters, spaces and those in `keep` as \\u and its four digits."""
     if text.isascii() and text.isprintable():
         return text
     return "".join(each if each.isprintable() or each in _SPACES or each in keep else _escaped(each) for each in text)
@@ -30,7 +30,7 @@ def harmless_words(value: Any) -> Any:
 
 
 def listed(names: Sequence[str]) -> str:
-    """Return names with commas; of more than eight the first, the last and how many they are."""
+    """Join names with commas; of more than eight, show only the first, the last and the number of names."""
     shown = names if len(names) <= 8 else (names[0], "…", f"{names[-1]} ({len(names)})")
     return ", ".join(harmless(each) for each in shown)
 
@@ -41,9 +41,9 @@ def on_one_line(text: str) -> str:
 
 
 def in_markdown(text: str) -> str:
-    """The text as Markdown that shows it: on one line, nothing in it a tag, a link, a table's bar or emphasis.
+    """Escape a text for Markdown, on one line, so that it contains no tag, link, table bar or emphasis.
 
-    An underscore between letters or digits begins no emphasis and stays.
+    An underscore between letters or digits stays, because it does not begin emphasis.
     """
     line = on_one_line(text)
     return re.sub(

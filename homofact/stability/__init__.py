@@ -1,1 +1,1 @@
-"""Where methods fail: fits and linear solvers under stressors of growing strength, and what the program says of it."""
+"""Test where methods fail: fits and linear solvers under stressors of increasing strength, and their warnings."""

@@ -27,7 +27,7 @@ FULL, SHORT = Scale(), Scale(samples=600, clean=400)
 
 @dataclass(frozen=True)
 class Plan:
-    """What an atlas runs. `short` takes every stressor's mildest and fatal strength alone, on smaller problems."""
+    """The runs of an atlas. A `short` one has only each stressor's mildest and last strength and smaller problems."""
 
     methods: tuple[str, ...] = tuple(METHODS)
     stressors: tuple[str, ...] = tuple(STRESSORS)
@@ -66,7 +66,7 @@ class Plan:
 
 
 def estimate_atlas(plan: Plan) -> TimeEstimate:
-    """Return how long the cells of a plan take; the unstressed fits and the linear solves are few beside them."""
+    """Estimate the time of a plan's cells, without the unstressed fits and the linear solves, which are few."""
     samples = plan.scale.samples
     fits = {
         name: METHODS[name](
@@ -79,7 +79,7 @@ def estimate_atlas(plan: Plan) -> TimeEstimate:
 
 @dataclass(frozen=True)
 class Atlas:
-    """The cells of a plan, and every method's fit of the unstressed problem; `notes` say what was left out."""
+    """The cells of a plan, and every method's fit of the unstressed problem; `notes` list what was skipped."""
 
     plan: Plan
     cells: tuple[Cell, ...]
@@ -126,7 +126,7 @@ def run_atlas(
 
 
 def write_csv(path: str | os.PathLike[str], cells: Sequence[Any]) -> None:
-    """A line for every cell (of one dataclass), floats in full; beside first and then renamed."""
+    """Write one line per cell (of one dataclass), floats with all digits; the file is replaced in one step."""
     names = [field.name for field in fields(cells[0])]
     write_text(path, csv_text([names, *([_plain(getattr(cell, name)) for name in names] for cell in cells)]))
 

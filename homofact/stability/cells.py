@@ -2,8 +2,9 @@
 
 The fit gets the stressed samples as a command would pass them, with its own held-out part, and reports its status and
 verdict. Then it is judged on clean samples without stress, in log space with one ε for all, and its error is compared
-with that of the same method without stress. Judged by reflected light, as in a picture, the fit is bad if its error
-reaches `BAD_LIGHT` in a band of angles, or if it explains less than `LEAST_EXPLAINED` of the clean logarithms.
+with that of the same method without stress. The fit is bad if the error of its reflected light, as a picture shows it,
+exceeds `BAD_LIGHT` in a band of angles, or if it explains less than `LEAST_EXPLAINED` of the variance of the clean
+logarithms.
 
 The error bar of total reflected light is compared with the clean light in bands of incidence within the range of the
 bar: it is correct if it contains the true error of the worst band.
@@ -58,15 +59,14 @@ class CellOutcome(Enum):
 
 @dataclass(frozen=True)
 class Cell:
-    """One cell: `factor` is `error` over `reference`, both log MSE on clean samples; None where there is no fit.
+    """One cell: `factor` is `error` / max(`reference`, WORTH_AN_ERROR), clean log MSE each; None without a fit.
 
-    `stated` is the error bar of total reflected light as a share, None where it is withdrawn, and `true` what the clean
-    samples say of it.
-    `light` is the share of the clean light that the fit misplaces, `off` its light over the clean one's in the band of
-    angles that is farthest off, `bad` whether the fit is (the module's head).
-    `said` are the findings of the fit's verdict, `new` how many of them the unstressed fit does not have; `message` is
-    the error of a refusal or a crash.
-    `condition` and `determined` are the verdict's figures, `train` and `held_out` the fit's own log MSE.
+    `stated` is the error bar of total reflected light as a fraction, or None if there is no bar. `true` is the true
+    error, measured on the clean samples. `light` is the misplaced light as a share of the clean light. `off` is the
+    fit's light divided by the clean light in the worst band of angles. `bad` is whether the fit is bad, as defined at
+    the start of this module. `said` are the warnings of the fit's verdict and status. `new` is the number of them that
+    the unstressed fit does not have. `message` is the error if the fit was refused or crashed. `condition` and
+    `determined` are the verdict's figures, `train` and `held_out` the fit's own log MSE.
     """
 
     method: str
@@ -99,7 +99,7 @@ class Cell:
 
 @dataclass(frozen=True)
 class CellErrors:
-    """A finished fit: its errors on the clean samples and what the program says, by the name of each thing said."""
+    """A finished fit: its errors on the clean samples, and its warnings `said`, by name."""
 
     error: float
     explained: float
@@ -115,14 +115,14 @@ Fitter = Callable[[Source, Method], ComparisonRow]
 
 
 def fit_row(source: Source, settings: Method) -> ComparisonRow:
-    """Return the fit and its verdict, as every command makes them."""
+    """Fit the source, and return the fit with its verdict, as the commands do."""
     return fit_and_measure(source, settings, HELD_OUT)
 
 
 def said_of(row: ComparisonRow) -> dict[str, str]:
-    """Return what a fit says of itself, a line by the name of each: its verdict's warning, and a status that is one.
+    """Return the warnings of a fit, by name: the warning of its verdict, and that of its status.
 
-    A spent effort is none: every search of a small one ends so.
+    A search that has used its whole effort does not warn, because every search with a small effort ends in this way.
     """
     said = {} if row.verdict.trusted else {"warning": row.verdict.summary}
     if row.report.status in (Status.FALLBACK, Status.INTERRUPTED):
@@ -131,7 +131,7 @@ def said_of(row: ComparisonRow) -> dict[str, str]:
 
 
 def classify(factor: float, said: int, new: int) -> CellOutcome:
-    """What a finished fit is, from its factor (NaN and infinite ones are crashes) and how much was said, and is new."""
+    """Classify a finished fit by its factor (crashed if not finite), its number of warnings, and the new ones."""
     if not math.isfinite(factor):
         return CellOutcome.CRASHED
     if factor > WRONG and said == 0:
@@ -140,9 +140,9 @@ def classify(factor: float, said: int, new: int) -> CellOutcome:
 
 
 def method_for(name: str, problem: Problem, base: Mapping[str, Any]) -> Method | None:
-    """Return the method with what it has of `base`, and the first of the problem's alternatives that it has wholly.
+    """Return the method with its settings of `base`, and the first of the problem's alternatives that it supports.
 
-    None where it has none of them.
+    Returns None if the method supports no alternative.
     """
     own = settings_of_class(method_class(name))
     for choice in problem.settings:
@@ -229,7 +229,7 @@ def run_cell(empty: Cell, make: Callable[[], Problem], references: "References",
 
 
 class References:
-    """The unstressed fits, each made once; `common` is the problem of those that name none of their own."""
+    """The unstressed fits, each made once; problems without a `reference` of their own use `common`."""
 
     def __init__(self, common: Problem, base: Mapping[str, Any]) -> None:
         """Nothing is fitted yet."""
@@ -242,9 +242,9 @@ class References:
         return self.of(name, self._common, fitter)
 
     def of(self, name: str, problem: Problem, fitter: Fitter) -> CellErrors:
-        """Return the unstressed fit that a problem's is set against, by the method `name`.
+        """Return the unstressed fit by the method `name`, with which a problem's fit is compared.
 
-        A method that does not use the reference's own settings is given the others.
+        The method gets the first of the reference's alternative settings that it supports.
         """
         unstressed = problem.reference or self._common
         key = (name, unstressed.key)
@@ -257,7 +257,7 @@ class References:
 
 @dataclass(frozen=True)
 class NeverEvaluated:
-    """The reflectance of a source that is never drawn."""
+    """A placeholder for the reflectance of a source that is never rendered."""
 
     channels: tuple[str, ...]
     nbytes: int = 0
@@ -265,5 +265,5 @@ class NeverEvaluated:
     of_samples: ClassVar[bool] = True
 
     def evaluate(self, wi: Tensor, wo: Tensor) -> Tensor:
-        """Nobody asks: a cell is judged on samples."""
+        """Raise AssertionError, because the errors of a cell are measured on samples."""
         raise AssertionError("a stressed problem is judged on its own samples")

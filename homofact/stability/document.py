@@ -36,7 +36,7 @@ _WORDS = {
 def write_document(
     path: str | os.PathLike[str], atlas: Atlas, solvers: list[SolverCell], pictures: Path, where: str
 ) -> None:
-    """Write the document; `pictures` is the folder of atlas.png and solvers.png, `where` the machine's line."""
+    """Write the document; `pictures` is the folder of atlas.png and solvers.png, `where` describes the machine."""
     target = Path(path)
     target.parent.mkdir(parents=True, exist_ok=True)
     link = quote(os.fsencode(Path(os.path.relpath(pictures, target.parent)).as_posix()))

@@ -1,7 +1,8 @@
-"""What a fault of a measurement is: a change of samples, whatever their material.
+"""Faults of measurements: changes of the samples of any material.
 
 The atlas plants faults on one material to see where methods fail (`stability.problem`); the calibration of the error
-bars plants them on drawn ones (`scripts/verdict/calibrate.py`). Both take them from one catalogue (`stability.faults`).
+bars plants them on randomly drawn materials (`scripts/verdict/calibrate.py`). Both use the catalogue
+`stability.faults`.
 """
 
 from collections.abc import Callable
@@ -15,9 +16,10 @@ from homofact.brdf.samples import Samples
 
 
 class CasePart(Enum):
-    """What a kind of fault, or a material, is for in the calibration: no two parts share one.
+    """The part of the calibration that a kind of fault, or a material, belongs to; it belongs to only one.
 
-    The table of the error bars is made from the first two; the third is reported on, and sets nothing.
+    The table of the error bars is computed from the first two parts. The third part is only used to report its
+    accuracy.
     """
 
     FIRST = "first"
@@ -35,11 +37,12 @@ class Fault:
     Attributes
     ----------
     name : for tables.
-    plant : (samples, strength, seed) to the samples as they are then measured; never of values below zero.
-    strengths : those that the calibration draws, the mildest first.
+    plant : a function of (samples, strength, seed) that returns the faulty samples, without values below zero.
+    strengths : the strengths that the calibration uses, the mildest first.
     part : which part of the calibration draws it.
-    right : whether the samples are right for all that: fewer, or noisy, but of this material.
-    knowable : whether samples can show it. What changes the values alone, all directions alike, is another material.
+    right : whether the faulty samples are still correct samples of the material, for example fewer or noisier.
+    knowable : whether samples can reveal the fault. If all directions change alike, samples cannot distinguish the
+        fault from another material.
     """
 
     name: str
@@ -51,7 +54,7 @@ class Fault:
 
 
 def generator_of(seed: int) -> torch.Generator:
-    """Return the generator of a fault's own chance."""
+    """Return the random generator of a fault for this seed."""
     return torch.Generator().manual_seed(seed + 1000)
 
 
@@ -61,12 +64,12 @@ def uniform(count: int, generator: torch.Generator) -> Tensor:
 
 
 def normal(like: Tensor, seed: int) -> Tensor:
-    """Standard normal numbers in the shape of `like`."""
+    """Return standard normal numbers in the shape of `like`."""
     return torch.randn(like.shape, dtype=torch.float64, generator=generator_of(seed))
 
 
 def struck(samples: Samples, share: float, seed: int) -> Tensor:
-    """Return which samples (N, 1) a fault hits that hits a share of them by chance."""
+    """Return a random mask (N, 1) of the samples that a fault changes, each with the probability `share`."""
     return (uniform(len(samples), generator_of(seed)) < share)[:, None]
 
 
@@ -77,7 +80,7 @@ def joined(one: Samples, two: Samples) -> Samples:
 
 
 def of_values(change: Callable[[Samples, Tensor, float, int], Tensor]) -> Plant:
-    """A fault of the values: `change(samples, values, strength, seed)`, what falls below zero cut as readers do."""
+    """Make a fault from `change(samples, values, strength, seed)`, which returns values; negative ones become 0."""
 
     def plant(samples: Samples, strength: float, seed: int) -> Samples:
         return replace(samples, values=change(samples, samples.values, strength, seed).clamp_min(0))

@@ -1,6 +1,6 @@
-"""All faults of measurements by name: of where was measured, of directions, and of values.
+"""All faults of measurements by name: faults of coverage, of directions, and of values.
 
-Which part of the calibration draws a fault is written beside it. Kinds that are alike belong to one part.
+Each fault names the part of the calibration that draws it. Similar kinds of faults belong to the same part.
 """
 
 import math
@@ -93,7 +93,7 @@ def _azimuth(samples: Samples, strength: float, seed: int) -> Samples:
 
 
 def precision(samples: Samples, strength: float, seed: int) -> Samples:
-    """Return directions and values kept to `strength` bits of mantissa (52: float64, 23: float32, 10: float16).
+    """Round directions and values to `strength` bits of mantissa (52: float64, 23: float32, 10: float16).
 
     The directions are normalised again, as a careful reader does.
     """

@@ -8,12 +8,12 @@ _LIST = ("wi", "h", "theta_h-theta_d", "d", "theta_i-theta_o", "theta_d-phi_d", 
 
 
 def smoothing(strength: float, seed: int, scale: Scale) -> Problem:
-    """λ of the Laplacian."""
+    """Return the unstressed problem with the smoothing λ = `strength`."""
     return replace(unstressed(seed, scale), settings=({"smoothing": strength},), key="stressed")
 
 
 def coincident(strength: float, seed: int, scale: Scale) -> Problem:
-    """Return `strength` textures under one and the same projection."""
+    """Return the unstressed problem with `strength` textures under the same projection."""
     count = int(strength)
     choices = (
         {"projections": ("theta_h-theta_d",) * count, "textures": count},

@@ -1,4 +1,4 @@
-"""Stressors of where was measured: too few samples, holes, grazing light, one azimuth, places where frames turn."""
+"""Stressors of coverage: too few samples, holes, grazing light, one azimuth, places where frames turn."""
 
 import math
 from dataclasses import replace
@@ -36,7 +36,7 @@ def _untouched_texels(strength: float, seed: int, scale: Scale) -> Problem:
 
 
 def grazing(strength: float, seed: int, scale: Scale) -> Problem:
-    """A third of the samples between 75° and `strength` degrees, of a Ward lobe that grows as 1/√(cosθi cosθo)."""
+    """Return a Ward lobe, growing as 1/√(cosθi cosθo), with a third of the samples at 75° to `strength` degrees."""
     problem = drawn_from(GRAZING, seed, scale, key="grazing base")
     generator = generator_of(seed)
     count = scale.samples // 3
@@ -89,7 +89,7 @@ def _one_azimuth(strength: float, seed: int, scale: Scale) -> Problem:
 
 
 def anisotropy(strength: float, seed: int, scale: Scale) -> Problem:
-    """Return a brushed metal whose slopes have the ratio `strength`, said to be isotropic."""
+    """Return a brushed metal with the ratio of slopes `strength`, whose samples are declared isotropic."""
 
     def of(ratio: float, key: str) -> Problem:
         root = math.sqrt(ratio)

@@ -1,7 +1,8 @@
 """The atlas as two pictures: methods × stressors × strengths, and solvers × systems.
 
-Colours tell apart for every kind of colour vision by lightness alone, from white (ok) over yellow and brown (degraded,
-by the factor) to black (silently wrong); what is no number is a letter on grey or hatching.
+The colours differ in lightness, so people with any colour vision can tell them apart: light blue (ok), yellow to brown
+(degraded, by the factor) and black (silently wrong). A cell without a factor has a letter or sign on grey, white or
+hatching.
 """
 
 import math
@@ -39,7 +40,7 @@ def short_number(value: float) -> str:
 
 
 def draw_atlas(path: str | os.PathLike[str], atlas: Atlas, base: Mapping[str, Any]) -> None:
-    """The heat map of the fits into `path` (PNG, SVG or PDF by its ending)."""
+    """Draw the heat map of the fits to `path` (PNG, SVG or PDF, by its extension)."""
     methods, names = atlas.plan.methods, atlas.plan.stressors
     widest = max(len(atlas.of(name, methods[0])) for name in names)
     wide = len(methods) * (widest + 0.5)
@@ -130,7 +131,7 @@ def _legend() -> list[Patch]:
 
 
 def draw_solvers(path: str | os.PathLike[str], cells: list[SolverCell]) -> None:
-    """The heat map of the linear solvers: log10 of the difference to the minimum-norm answer."""
+    """Draw the solvers' differences to the minimum-norm solutions; the colour shows agreement or a warning."""
     systems = list(dict.fromkeys(cell.system for cell in cells))
     systems.sort(key=lambda name: next(cell.condition for cell in cells if cell.system == name))
     solvers = list(dict.fromkeys(cell.solver for cell in cells))

@@ -1,4 +1,4 @@
-"""What a stressor makes: measured samples to fit, clean ones to judge on, and the settings that belong to it.
+"""The test problem of a stressor: measured samples to fit, clean samples to measure errors, and settings.
 
 The unstressed problem is an isotropic Blinn-Phong material of two channels, sampled at all azimuths. A fit never sees
 the clean samples; they are drawn from the material itself, without the stress.
@@ -40,10 +40,10 @@ class Scale:
 class Problem:
     """Samples as measured, clean held-out ones, and settings.
 
-    `settings` are alternatives of changed settings: a method takes the first of which it uses every one, and the
-    problem is not for a method that takes none. `kind` is that of a `Source`. The error of a fit is set against that
-    of `reference`, the unstressed problem (None: the one of the module's head); `key` names what is fitted, so that
-    a reference is fitted once.
+    `settings` are alternative sets of changed settings. A method uses the first set that it supports completely; a
+    method that supports no set skips the problem. `kind` is the kind of a `Source`. The error of a fit is compared with
+    that of `reference`, the unstressed problem (None: the one described at the start of this module). `key` identifies
+    the problem, so that a reference is fitted only once.
     """
 
     samples: Samples
@@ -62,7 +62,7 @@ class Problem:
         return replace(self.measuring(change(self.samples)), clean=change(self.clean))
 
     def with_values(self, values: Tensor) -> "Problem":
-        """Return the same problem with other measured values (N, C), negative ones cut as the readers do."""
+        """Return the same problem with other measured values (N, C); negative ones become 0, as in the readers."""
         return self.measuring(replace(self.samples, values=values.clamp_min(0)))
 
 
@@ -73,9 +73,9 @@ Stress = Callable[[float, int, Scale], Problem]
 class Stressor:
     """One way to go wrong, swept over `strengths` from harmless to fatal.
 
-    `name` is for the command line, `title` and `description` (one sentence) for people, `mechanism` and `remedy` the
-    paragraphs of the document, `unit` what a strength is. `labels` are the strengths in words, where numbers say
-    little. `stress(strength, seed, scale)` makes the problem; it may raise the BadInput that a user would meet.
+    `name` is the name on the command line. `title`, `description` (one sentence), `mechanism` and `remedy` are the
+    texts of the document. `unit` is the unit of the strengths. `labels` are words for the strengths, if numbers are not
+    descriptive. `stress(strength, seed, scale)` makes the problem; it may raise a BadInput that a user would also get.
     """
 
     name: str
@@ -109,7 +109,7 @@ def drawn_from(model: Any, seed: int, scale: Scale, key: str = "base") -> Proble
 
 
 def faulted(fault: Fault) -> Stress:
-    """Return the stress that plants a fault of the catalogue (`stability.faults`) on the unstressed problem."""
+    """Return a function that applies a fault of the catalogue (`stability.faults`) to the unstressed problem."""
 
     def stress(strength: float, seed: int, scale: Scale) -> Problem:
         problem = unstressed(seed, scale)

@@ -1,7 +1,7 @@
 """Stressors that are real measurements: a retroreflector, materials that are not reciprocal, values below zero.
 
-They are read from the folder $HOMOFACT_DATA, or ../shared/data beside the working folder. Where a file is absent its
-cells are left out, with a note.
+They are read from the folder $HOMOFACT_DATA, or ../shared/data beside the working folder. If a file is missing, its
+cells are skipped, with a note.
 """
 
 import os
@@ -35,7 +35,7 @@ def _opened(name: str, channels: str, count: int, seed: int) -> Source:
 
 
 def measured(name: str, channels: str, seed: int, scale: Scale) -> Problem:
-    """Some samples of a measurement to fit, others to judge on, these at random azimuths."""
+    """Return samples of a measurement to fit, and others, at random azimuths, to measure the errors."""
     source = _opened(name, channels, scale.samples + scale.clean, seed)
     chosen = source.samples.subset(scale.samples + scale.clean, seed)
     train, clean = chosen.split(scale.clean / (scale.samples + scale.clean), seed)
@@ -49,7 +49,7 @@ def retroreflector(strength: float, seed: int, scale: Scale) -> Problem:
 
 
 def rgl(strength: float, seed: int, scale: Scale) -> Problem:
-    """Material number `strength` of `RGL`, fitted reciprocally; its reference is fitted without reciprocity."""
+    """Return material number `strength` of `RGL` for reciprocal fits; its reference is fitted without reciprocity."""
     name = RGL[int(strength)]
     problem = measured(f"rgl/{name}_rgb.bsdf", "rgb", seed, scale)
     free = replace(problem, settings=({"reciprocal": False},), key=f"{name}, not reciprocal")

@@ -1,8 +1,9 @@
-"""The linear solvers on the inner problems of stressors, each against the minimum-norm answer.
+"""Test the linear solvers on difficult systems, and compare each with the minimum-norm solution.
 
 "The system" is what `LeastSquares.rows` stacks: samples, smoothing, ridge and gauge. Its condition number is that of
-the normal matrix, the square of the rows', from their singular values. The minimum-norm answer is by those as well,
-refined with residuals in extended precision, so that it is exact to about 1e-19 times the condition number.
+the normal matrix: the square of the condition number of the rows, which follows from their singular values. The
+minimum-norm solution is also computed from the singular values, and refined with residuals in extended precision. Its
+relative error is about 1e-19 times the condition number.
 """
 
 from collections.abc import Callable
@@ -34,7 +35,7 @@ _MODEL = BlinnPhong((0.35, 0.15), (0.4, 0.4), exponent=50, channels=("R", "G"))
 
 
 class SolverOutcome(Enum):
-    """What a solver's answer is."""
+    """The possible outcomes of a solver."""
 
     AGREES = "agrees"
     SAYS_SO = "differs and warns"
@@ -44,7 +45,7 @@ class SolverOutcome(Enum):
 
 @dataclass(frozen=True)
 class SolverCell:
-    """A solver on a system: `difference` = |y − y*|/|y*| over texels and channels, None without an answer."""
+    """A solver on a system: `difference` is the largest |y − y*|/|y*| of a channel, None without an answer."""
 
     system: str
     solver: str
@@ -58,7 +59,7 @@ class SolverCell:
 
     @property
     def well_posed(self) -> bool:
-        """Whether the system is."""
+        """Whether the system is well posed."""
         return self.condition <= WELL_POSED
 
 
@@ -146,7 +147,7 @@ def minimum_norm(problem: LeastSquares) -> tuple[torch.Tensor, float, int]:
 
 
 def classify_answer(difference: float, well_posed: bool, status: Status) -> SolverOutcome:
-    """Return what an answer is, from its difference to the minimum-norm one and the status that came with it."""
+    """Classify an answer by its difference to the minimum-norm solution and by its status."""
     if difference <= (AGREES if well_posed else AGREES_ILL):
         return SolverOutcome.AGREES
     return SolverOutcome.SAYS_SO if status in (Status.FALLBACK, Status.BUDGET) else SolverOutcome.SILENT
@@ -155,7 +156,7 @@ def classify_answer(difference: float, well_posed: bool, status: Status) -> Solv
 def run_solvers(
     seed: int = 0, short: bool = False, started: Callable[[int, int, str], None] | None = None
 ) -> list[SolverCell]:
-    """Return every solver on every system (`short`: on every third)."""
+    """Run every solver on every system (`short`: on every third one)."""
     systems = SYSTEMS[::3] if short else SYSTEMS
     cells = []
     for done, system in enumerate(systems):

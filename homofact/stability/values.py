@@ -1,4 +1,4 @@
-"""Stressors of what was measured: noise, outliers, zeros, precision, scale, contradiction, things no fit expects."""
+"""Stressors of the values: noise, outliers, zeros, precision, scale, contradictions, and unusual values."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -12,7 +12,7 @@ from homofact.stability.problem import Problem, Scale, Stress, Stressor, faulted
 
 
 def epsilon(strength: float, seed: int, scale: Scale) -> Problem:
-    """Return ε of the log transform, where one sample in fifty is exactly zero."""
+    """Return a problem with ε = `strength`, in which one sample in fifty is exactly zero."""
     return replace(faulted(FAULTS["zeros"])(0.02, seed, scale), settings=({"epsilon": strength},))
 
 
@@ -57,7 +57,7 @@ def _non_reciprocal(strength: float, seed: int, scale: Scale) -> Problem:
 
 
 def retroreflection(strength: float, seed: int, scale: Scale) -> Problem:
-    """Return a lobe back towards the light, `strength` times as bright as the ground, measured and clean."""
+    """Return a problem with a lobe towards the light, `strength` times as bright as the diffuse part."""
     problem = unstressed(seed, scale)
 
     def lit(samples: Samples) -> Samples:

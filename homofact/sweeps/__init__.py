@@ -1,1 +1,1 @@
-"""Whole databases: every source with every method, survived and remembered."""
+"""Fit whole databases: every source by every method, with results that survive crashes."""

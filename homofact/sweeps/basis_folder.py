@@ -1,4 +1,4 @@
-"""A sweep with a shared basis: the sources fitted together, and what it leaves in its folder.
+"""A sweep with a shared basis: fit its sources together, and write the basis to a folder.
 
     basis.npz     layer 0 the mean textures, layer k direction k (`factor.layered`); logarithms, ε and A mean nothing
     basis.json    every material's name, A and coefficients, channel by channel; ε; errors, bytes, from when it pays
@@ -33,7 +33,7 @@ FORMAT, FORMAT_VERSION = "homofact basis", 1
 
 
 def check_place(folder: Path) -> None:
-    """Raise BadInput where the basis could not be put: ask before long work."""
+    """Raise BadInput if the basis cannot be written to `folder`; call this before long work."""
     check_new_folder(folder, BASIS, force=False)
 
 
@@ -55,7 +55,7 @@ def fit_asked(
 
 
 def write_basis(folder: Path, fit: SharedBasis) -> dict[str, Any]:
-    """Write the basis and its figures into a new folder, whole or not at all; the figures."""
+    """Write the basis and its figures to a new folder, whole or not at all; return the figures."""
     first = fit.materials[0].fit
     own = [
         {"name": material.name, "A": material.fit.transform.mean.tolist(), "coefficients": numbers}
@@ -82,9 +82,9 @@ def write_basis(folder: Path, fit: SharedBasis) -> dict[str, Any]:
 
 
 def read_basis(folder: Path) -> dict[str, Factorization]:
-    """Return every material by name, its textures made again.
+    """Return every material by name, with its textures reconstructed from the basis.
 
-    Raises BadInput for a folder that is none or was damaged.
+    Raises BadInput if the folder contains no basis, or a damaged one.
     """
     fields = Fields.read(folder / REPORT, "a basis")
     fields.text("format", (FORMAT,))

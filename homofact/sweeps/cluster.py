@@ -1,4 +1,4 @@
-"""The same tasks on other machines: Dask's scheduler gives them out, the results come back as whole folders.
+"""Run tasks on other machines: Dask's scheduler distributes them, and the results come back as whole folders.
 
 The scheduler is
 
@@ -7,10 +7,10 @@ The scheduler is
     MODULE:CLASS                 a cluster class of Dask's, made with its own configuration (dask.config) and scaled:
                                  dask_jobqueue:SLURMCluster, dask_kubernetes.operator:KubeCluster
 
-A worker opens a source by its path where it finds the file with the same digest, and is sent it as bytes where it
-does not. It fits in a folder of its own, which comes back packed; only the client writes to the sweep's folder. No more
-tasks are out than the workers have threads: one that dies takes what it is at with it, and nothing that waits behind
-that; and the client's memory does not grow with the sweep.
+If a worker finds a file with the source's digest at its path, the worker opens this file. Otherwise the client sends
+the file as bytes. The worker writes its result to a folder of its own, and sends this folder back packed; only the
+client writes to the sweep's folder. The client submits at most as many tasks as the workers have threads. A worker that
+dies therefore loses only its current tasks and no waiting ones, and the client's memory does not grow with the sweep.
 """
 
 import asyncio
@@ -42,9 +42,9 @@ _EXPECTED = "local, an address such as tcp://host:8786, a scheduler's .json file
 
 
 def do_elsewhere(record: dict[str, Any], parcel: bytes | None) -> dict[str, Any]:
-    """Do a task on a machine that may not see the client's files: `work.do`'s answer, with the "result" packed.
+    """Run a task on a machine that may not see the client's files; return `work.do`'s answer, "result" packed.
 
-    Without a `parcel` of the source, and no such file here, the answer is "missing".
+    Without a `parcel` of the source and without its file on this machine, the answer is "missing".
     """
     from homofact.sweeps.work import do
 
@@ -65,7 +65,7 @@ def do_elsewhere(record: dict[str, Any], parcel: bytes | None) -> dict[str, Any]
 
 
 class DaskCluster:
-    """Dask's workers for the sweep in `folder`; `notify` gets a line for the user, the dashboard's address."""
+    """Dask's workers for the sweep in `folder`; `notify` receives a line with the address of Dask's dashboard."""
 
     def __init__(self, folder: Path, scheduler: str, count: int, notify: Callable[[str], object]) -> None:
         """Nothing is connected yet. Raises BadInput for no workers, no such scheduler, and where Dask is missing."""
@@ -76,7 +76,7 @@ class DaskCluster:
         self._promised = 0  # workers that were ordered, and may be still to come
 
     def run(self, tasks: Iterable[Task], ended: Callable[[TaskEnding], bool]) -> None:
-        """Do all tasks, as `local.Local.run`. Raises BadInput where the scheduler cannot be reached, or is gone."""
+        """Run all tasks, as `local.Local.run`. Raises BadInput if the scheduler cannot be reached, or disappears."""
         from concurrent.futures import CancelledError
 
         from distributed.comm.core import CommClosedError

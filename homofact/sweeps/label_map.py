@@ -1,4 +1,4 @@
-"""The label map of a spatially varying material: for every texel the number of the source that it is made of."""
+"""The label map of a spatially varying material: the number of the source of every texel."""
 
 from pathlib import Path
 
@@ -15,8 +15,8 @@ _EXPECTED = "a label map: a grey PNG of 8 or 16 bits, or whole numbers in .npy"
 def read_labels(path: Path, clusters: int) -> np.ndarray:
     """Return the labels (rows, columns) uint8 of a .png or .npy file, whole numbers from 0 to `clusters` − 1.
 
-    Raises BadInput, naming the file, where it is missing or no label map, for a label that no cluster has, for a
-    cluster that no texel has, and for more clusters than a texture array has layers.
+    Raises BadInput that names the file if it is missing or not a label map, if a label has no cluster, if a cluster has
+    no texels, and if there are more clusters than a texture array can have layers.
     """
     if clusters > MOST_LAYERS:
         wanted = f"at most {MOST_LAYERS}, the layers of an array"

@@ -33,7 +33,7 @@ _AGAIN = "delete the folder to have it fitted again"
 
 @dataclass(frozen=True)
 class Aside:
-    """A task that is not done: why, and how many workers died of it; `final` where it is not tried again."""
+    """A failed task: the reason, and how many workers died of it; if `final`, it is not retried."""
 
     task: Task
     reason: str
@@ -43,7 +43,7 @@ class Aside:
 
 @dataclass(frozen=True)
 class Result:
-    """A task that is done: its folder, and its report as `evaluation.compare.Row.record` says it."""
+    """A finished task: its folder, and its report, as `evaluation.compare.ComparisonRow.record` returns it."""
 
     task: Task
     folder: Path
@@ -77,11 +77,11 @@ class SweepLedger:
 
     @property
     def name(self) -> str:
-        """The sweep's. Raises BadInput where the folder is none."""
+        """The sweep's name. Raises BadInput if the folder is not a sweep's."""
         return self._header().text("name")
 
     def asked(self) -> list[Task]:
-        """Return the tasks that were last asked for. Raises BadInput where the folder is no sweep's, or was changed."""
+        """Return the tasks of the last request. Raises BadInput if the folder is not a sweep's, or was changed."""
         fields = self._header()
         records = fields.found.get("tasks")
         if not isinstance(records, list) or not all(isinstance(record, dict) for record in records):
@@ -92,15 +92,15 @@ class SweepLedger:
             raise error.at(self.folder / SWEEP) from error
 
     def place(self, task: Task) -> Path:
-        """Return where its result is, or will be."""
+        """Return the folder of a task's result, whether or not it exists yet."""
         return self.folder / RESULTS / task.key
 
     def is_done(self, task: Task) -> bool:
-        """Return whether its result is there."""
+        """Return whether a task's result exists."""
         return (self.place(task) / FACTORIZATION).is_file()
 
     def result(self, task: Task) -> Result:
-        """Return a task's result. Raises BadInput where it was changed, or is of another task."""
+        """Return a task's result. Raises BadInput if it was changed, or belongs to another task."""
         place = self.place(task)
         fields = Fields.read(place / REPORT, "a sweep's result")
         try:
@@ -116,13 +116,13 @@ class SweepLedger:
         return Result(task, place, fields.found)
 
     def results(self) -> Iterator[Result]:
-        """Yield the results of the tasks that were last asked for, in their order. Raises BadInput as `result`."""
+        """Yield the results of the tasks of the last request, in their order. Raises BadInput as `result`."""
         for task in self.asked():
             if self.is_done(task):
                 yield self.result(task)
 
     def aside(self) -> dict[str, Aside]:
-        """By key what was set aside, or died once. Raises BadInput for a file that was changed."""
+        """Return, by key, the tasks set aside or whose worker died once. Raises BadInput for a changed file."""
         aside = {}
         for file in sorted((self.folder / ASIDE).glob("*.json")):
             fields = Fields.read(file, "what a sweep set aside")
@@ -135,7 +135,7 @@ class SweepLedger:
         return aside
 
     def set_aside(self, task: Task, reason: str, deaths: int = 0) -> Aside:
-        """Remember that a task was refused (no deaths) or that so many workers died of it."""
+        """Record that a task was rejected (0 deaths) or that `deaths` workers died of it."""
         entry = Aside(task, reason, deaths, deaths == 0 or deaths >= MOST_DEATHS)
         place = self.folder / ASIDE
         place.mkdir(exist_ok=True)
@@ -144,7 +144,7 @@ class SweepLedger:
         return entry
 
     def forgive(self, keys: Iterable[str]) -> None:
-        """Forget that these were set aside."""
+        """Delete the records of tasks that were set aside."""
         for key in keys:
             (self.folder / ASIDE / f"{key}.json").unlink(missing_ok=True)
 

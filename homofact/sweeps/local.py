@@ -1,7 +1,7 @@
-"""Workers on this machine: processes of their own, each given one task at a time.
+"""Workers on this machine: separate processes, each of which runs one task at a time.
 
-A worker that dies takes its task with it and nothing else: the task is tried once more, by another worker, and set
-aside where that dies too. A thread waits for each worker; none of them computes.
+If a worker dies, only its current task is lost. Another worker tries the task once more; if that worker dies too, the
+task is set aside. One thread waits for each worker; the threads compute nothing.
 """
 
 import contextlib
@@ -25,9 +25,9 @@ _PATIENCE = 5.0  # seconds that a worker has to end by itself
 
 @dataclass(frozen=True)
 class TaskEnding:
-    """How a task ended: in `seconds`, `refused` with a reason, or, neither, its worker `died` with these words.
+    """How a task ended: done in `seconds`, `refused` for this reason, or how its worker `died`.
 
-    `deaths` are the workers that died of it this time.
+    `deaths` is the number of workers that died of it this time.
     """
 
     task: Task

@@ -8,7 +8,7 @@ _SAME_TIME = (1980, 1, 1, 0, 0, 0)
 
 
 def packed(place: Path) -> bytes:
-    """Return a file, or a folder with all that is in it, under its own name. Raises OSError where it cannot be read."""
+    """Return a file, or a folder with its contents, packed as bytes. Raises OSError if it cannot be read."""
     stream = io.BytesIO()
     files = sorted(path for path in place.rglob("*") if path.is_file()) if place.is_dir() else [place]
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
@@ -19,7 +19,7 @@ def packed(place: Path) -> bytes:
 
 
 def unpacked(parcel: bytes, folder: Path) -> Path:
-    """Put what was packed into `folder`; returns the file or folder that was packed. Raises OSError."""
+    """Unpack a parcel into `folder`; return the path of its file or folder. Raises OSError."""
     with zipfile.ZipFile(io.BytesIO(parcel)) as archive:
         names = archive.namelist()
         archive.extractall(folder)

@@ -1,4 +1,4 @@
-"""What is said of a sweep while it runs: how much there is to do, for how long, and what went wrong."""
+"""The messages of a running sweep: its number of tasks, the time left, and failures."""
 
 from homofact.errors import Advice
 from homofact.evaluation.estimate import TimeEstimate, fit_seconds
@@ -10,7 +10,7 @@ _SAMPLES = 20_000
 
 
 class SweepProgress:
-    """Counts tasks; the time left is that of the tasks left, as long as fits of their method and size took so far."""
+    """Count tasks, and estimate the time left from the times of finished fits with the same method and size."""
 
     def __init__(self, workers: int) -> None:
         """Nothing is done yet."""
@@ -34,7 +34,7 @@ class SweepProgress:
         return f"{fits}{before}{set_aside}; {state.left} to do by {workers}"
 
     def end(self, state: State, ending: TaskEnding) -> None:
-        """A task has ended."""
+        """Record the end of a task."""
         self.done = state.done
         place = self._places.get(ending.task.key)
         if place is not None and ending.seconds is not None:
@@ -43,7 +43,7 @@ class SweepProgress:
             self._estimate.skip(place)
 
     def words(self) -> str:
-        """For the progress bar, which adds the time left."""
+        """Return the text for the progress bar, which adds the time left."""
         return f"{self._workers} at work"
 
     @property
@@ -52,7 +52,7 @@ class SweepProgress:
         return self._estimate.seconds_left / self._workers if self._estimate.done else None
 
     def misfortune(self, state: State, ending: TaskEnding) -> str:
-        """Why a task did not end well, and what becomes of it."""
+        """Return why a task failed, and whether it is tried again."""
         if ending.refused is not None:
             return f"{ending.refused} (set aside)"
         if state.aside[ending.task.key].final:

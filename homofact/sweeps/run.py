@@ -1,4 +1,4 @@
-"""A sweep from its first task to its last: what is done already, what is set aside, and who does the rest."""
+"""Run a sweep: skip finished tasks and tasks that were set aside, and let workers run the rest."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ Notify = Callable[["State", TaskEnding | None], object]
 
 
 class WorkerEngine(Protocol):
-    """Who does tasks: `local.Local`, or one on other machines."""
+    """What runs the tasks: `local.Local`, or `cluster.DaskCluster` for other machines."""
 
     def run(self, tasks: list[Task], ended: Callable[[TaskEnding], bool]) -> None:
         """Run all tasks; `ended` is called for each and returns whether to retry it."""
@@ -28,7 +28,7 @@ class WorkerEngine(Protocol):
 
 @dataclass
 class State:
-    """How far a sweep is: all its tasks, those done before and since, and by key those set aside and to do."""
+    """The state of a sweep: its tasks, how many are `done` and were `before`, and by key the failed and open ones."""
 
     tasks: list[Task]
     before: int
@@ -43,10 +43,11 @@ class State:
 
 
 def sweep(asked: AskedSweep, folder: Path, engine: WorkerEngine, notify: Notify, retry: bool = False) -> State:
-    """Do what is not done yet; `notify` is called at the beginning and with every task that ends.
+    """Run the unfinished tasks; `notify` is called at the beginning and after every task.
 
-    What was set aside stays so, unless `retry`. Raises BadInput where the folder is another's, a source is gone that
-    had results to come, another process sweeps there, and where results cannot be written.
+    Tasks that were set aside stay so unless `retry` is true. Raises BadInput if the folder contains something else, a
+    source with unfinished tasks no longer exists, another process runs a sweep in the folder, or results cannot be
+    written.
     """
     return sweep_tasks(asked.name, tasks_of(asked), folder, engine, notify, retry)
 
@@ -54,7 +55,7 @@ def sweep(asked: AskedSweep, folder: Path, engine: WorkerEngine, notify: Notify,
 def sweep_tasks(
     name: str, tasks: list[Task], folder: Path, engine: WorkerEngine, notify: Notify, retry: bool = False
 ) -> State:
-    """Return the same of tasks as they stand, as the sweep `name`."""
+    """Run the given tasks as the sweep `name`, in the same way as `sweep`."""
     # Two files of the same bytes are one source.
     tasks = list(each_once(tasks, lambda task: task.key).values())
     ledger = SweepLedger(folder)

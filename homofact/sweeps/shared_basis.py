@@ -3,9 +3,11 @@
 All materials are fitted under one set of projections (`methods.search_fit.fit_shared`), by log errors. Each material is
 then left out once: the textures of the others give a basis, the training samples of the material give its coefficients,
 and its held-out samples give the error. Every colour channel is a separate texture with N coefficients, so the basis
-covers all channels of all materials. Bytes, as float32: 4 C (N + 1) for coefficients and A, and a share of N + 1
-textures of one channel. The comparison uses the material's own textures under the same projections, at several sizes;
-the bytes at equal error are interpolated between these, log over log. Errors are of the logarithms: Σ w |f̃ − By|²/Σ w.
+covers all channels of all materials. Stored as float32, a material with C channels takes 4 C (N + 1) bytes for
+coefficients and A, and its share of the N + 1 textures of one channel. For comparison, each material also gets textures
+of its own under the same projections, at several sizes. The bytes at equal error are interpolated between these sizes,
+linearly in the logarithms of bytes and error. Errors are those of the logarithms f̃ at samples with weights w: Σ w |f̃
+− By|²/Σ w, where B interpolates the texels y.
 """
 
 import math
@@ -42,7 +44,7 @@ LADDER = (1.0, 0.75, 0.5, 0.375, 0.25, 0.125)  # sides of a material's own textu
 
 @dataclass(frozen=True)
 class BasisMaterial:
-    """One material under the shared projections: its fit, texels in the common gauge, and equations of both parts."""
+    """One material under the shared projections: its fit, texels in the common gauge, and two normal equations."""
 
     name: str
     fit: Factorization
@@ -54,7 +56,7 @@ class BasisMaterial:
 
 @dataclass(frozen=True)
 class BasisRow:
-    """A basis of `count` directions: held-out errors a material, left out of it and not, and what it takes."""
+    """A basis of `count` directions: held-out errors of materials `left_out` of it and `inside` it, and its bytes."""
 
     count: int
     left_out: tuple[float, ...]
@@ -63,18 +65,18 @@ class BasisRow:
     material_bytes: int
 
     def bytes_among(self, materials: int) -> float:
-        """Return the bytes per material if so many share the basis."""
+        """Return the bytes per material if this number of `materials` shares the basis."""
         return self.material_bytes + self.basis_bytes / materials
 
     def pays_from(self, own: float) -> int | None:
-        """Materials from which it takes less than `own` bytes each; None where it never does."""
+        """Return the least number of materials for less than `own` bytes per material; None if there is none."""
         saved = own - self.material_bytes
         return None if saved <= 0 else math.floor(self.basis_bytes / saved) + 1
 
 
 @dataclass(frozen=True)
 class SharedBasis:
-    """The materials, the rows by number of directions, and the basis of all materials with the last of these."""
+    """The materials, one row per number of directions, and the basis of all materials with the most directions."""
 
     materials: tuple[BasisMaterial, ...]
     rows: tuple[BasisRow, ...]
@@ -90,9 +92,10 @@ class SharedBasis:
         )
 
     def own_bytes(self, error: float) -> tuple[float, bool]:
-        """Return (bytes that textures of their own take for this median error, whether they take less than that).
+        """Return (bytes of own textures with this median error, whether these bytes are only an upper bound).
 
-        The largest size's where none is as good; the smallest's, as a bound, where all are better.
+        If no size is as good, the result is for the largest size. If all sizes are better, it is for the smallest size
+        and only an upper bound.
         """
         ladder = self.ladder
         if error <= ladder[0][1]:
@@ -127,7 +130,7 @@ class SharedBasis:
         return {"materials": [material.name for material in self.materials], "own": ladder, "rows": rows}
 
     def layered(self) -> Layered:
-        """The basis as layers of logarithms: layer 0 is the mean, the others are directions; ε and A mean nothing."""
+        """Return the basis as layers of logarithms: the mean, then the directions. Their ε and A are placeholders."""
         first = self.materials[0].fit
         nothing = LogTransform(1.0, np.ones(1))
         one = replace(first, transform=nothing, channels=("log",), provenance={})
@@ -147,7 +150,7 @@ def with_texels(fit: Factorization, texels: Tensor) -> Factorization:
 
 
 def expanded(basis: Layered, coefficients: Tensor, transform: LogTransform, channels: tuple[str, ...]) -> Factorization:
-    """Return a material's textures again, from the layers of `SharedBasis.layered` and its coefficients (C, N)."""
+    """Reconstruct a material's fit from the layers of `SharedBasis.layered` and its coefficients (C, N)."""
     mean, *directions = basis.layers
     terms = []
     for j, term in enumerate(mean.terms):
@@ -158,12 +161,12 @@ def expanded(basis: Layered, coefficients: Tensor, transform: LogTransform, chan
 
 
 def coefficients_of(basis: LogBasis, equations: NormalEquations) -> Tensor:
-    """Return the coefficients (C, N) that meet the samples of accumulated equations best, channel by channel."""
+    """Return the coefficients (C, N) that solve accumulated normal equations best, channel by channel."""
     return torch.stack([basis.solved(of_channel(equations, c)) for c in range(equations.rhs.shape[1])])
 
 
 def judged(basis: LogBasis, material: BasisMaterial) -> float:
-    """Return the held-out log error of a material, its coefficients solved on its training samples."""
+    """Return the held-out log error of a material, with coefficients from its training samples."""
     chosen = coefficients_of(basis, material.train)
     return material.held_out.error(torch.cat([basis.texels(own) for own in chosen], 1))
 
@@ -177,9 +180,10 @@ def fit_basis(
     progress: ProgressCallback | None = None,
     notify: Callable[[str, int, int], object] = lambda words, done, all: None,
 ) -> SharedBasis:
-    """Fit the materials under shared projections, and a basis of up to `count` directions, each left out once.
+    """Fit the materials and a basis of up to `count` directions, and leave out each material once.
 
-    Raises BadInput for fewer than three materials, a count that leaving one out does not bear, and as `fit_shared`.
+    Raises BadInput for fewer than three materials, a `count` too large for the materials without one of them, and as
+    `fit_shared`.
     """
     materials = len(names)
     if materials < 3:

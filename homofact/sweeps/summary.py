@@ -14,7 +14,7 @@ from homofact.sweeps.ledger import Result, SweepLedger
 class FitRow:
     """The figures of one result; a metric that it does not have is None. `trusted` is the verdict's.
 
-    Log errors depend on `epsilon`, the ε of the fit: those of two values cannot be compared.
+    Log errors depend on `epsilon`, the ε of the fit. Compare log errors only at the same ε.
     """
 
     key: str
@@ -32,7 +32,7 @@ class FitRow:
     metrics: dict[str, float | None]
 
     def cells(self) -> dict[str, Any]:
-        """Flat, by column, for a CSV."""
+        """Return all figures by column, for a CSV file."""
         plain = {name: value for name, value in vars(self).items() if name != "metrics"}
         return plain | self.metrics
 
@@ -65,7 +65,7 @@ def row_of(result: Result) -> FitRow:
 
 
 def by_label(rows: Iterable[FitRow]) -> dict[str, list[FitRow]]:
-    """Return the rows of each method, in the order of their first."""
+    """Return the rows of each label, in the order in which the labels first appear."""
     grouped: dict[str, list[FitRow]] = {}
     for row in rows:
         grouped.setdefault(row.label, []).append(row)
@@ -78,9 +78,9 @@ def mixes_epsilons(rows: Iterable[FitRow]) -> bool:
 
 
 def without_light(rows: Iterable[FitRow]) -> tuple[str, ...]:
-    """Return the names of materials whose fits have no figures of light, each once; none where no material has any.
+    """Return the materials whose fits have no figures of reflected light; empty if no material has such figures.
 
-    These are lists of samples: medians of such figures are over the other materials alone.
+    These materials are lists of samples. Medians of the figures of light cover only the other materials.
     """
     rows = list(rows)
     lacking = dict.fromkeys(row.name for row in rows if row.metrics["albedo_worst"] is None)
@@ -99,6 +99,6 @@ def middle(rows: Sequence[FitRow], name: str) -> float | None:
 
 
 def summary_records(rows: Sequence[FitRow]) -> dict[str, dict[str, float | None]]:
-    """By method the median of every metric, as `middle` has it."""
+    """Return the median of every metric for each label, as `middle` computes it."""
     names = [metric.name for metric in REPORTED]
     return {label: {name: middle(some, name) for name in names} for label, some in by_label(rows).items()}

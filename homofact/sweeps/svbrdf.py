@@ -50,7 +50,7 @@ class SpatialTask:
 
 @dataclass(frozen=True)
 class TexelCluster:
-    """One cluster: its source's name, its texels of the label map, and both fits with their held-out errors."""
+    """One cluster: its source's name, its number of texels, and both fits with their held-out errors."""
 
     name: str
     texels: int
@@ -78,7 +78,7 @@ class TexelCluster:
 
 @dataclass(frozen=True)
 class SpatialFit:
-    """All clusters, and the layers that they are under shared projections."""
+    """All clusters, and their fits under shared projections as layers of texture arrays."""
 
     asked: SpatialTask
     clusters: tuple[TexelCluster, ...]
@@ -110,10 +110,10 @@ class SpatialFit:
 
 
 def read_asked(asked: AskedSweep, notify: Callable[[str], object] = lambda words: None) -> SpatialTask:
-    """Open the sources and the label map of a sweep with [svbrdf]; `notify` hears what is being opened.
+    """Open the sources and the label map of a sweep with [svbrdf]; `notify` receives the name of each source.
 
-    Raises BadInput, before anything is fitted, for a sweep that is none, more than one method, size or seed, a method
-    other than the search, sources of different channels, and label maps as `read_labels` does.
+    Raises BadInput, before anything is fitted, for a sweep without [svbrdf], more than one method, size or seed, a
+    method other than the search, sources with different channels, and a label map that `read_labels` rejects.
     """
     if asked.svbrdf is None:
         raise BadInput(where="svbrdf", found="no section [svbrdf]", expected='one with labels = "FILE"')
@@ -129,7 +129,7 @@ def fit_clusters(
     progress: ProgressCallback | None = None,
     notify: Callable[[str, int, int], object] = lambda words, done, all: None,
 ) -> SpatialFit:
-    """Fit all clusters together, then each alone. `notify` hears of every fit that begins, and how many are done."""
+    """Fit all clusters together, then each alone; `notify(name, done, total)` is called before every fit."""
     fits = len(asked.sources) + 1
     splits = [Split.of(source, asked.held_out, asked.settings.seed, asked.subset) for source in asked.sources]
     trains = [split.parts(source)[0] for split, source in zip(splits, asked.sources, strict=True)]
@@ -151,14 +151,14 @@ def fit_clusters(
 
 
 def check_place(folder: Path) -> None:
-    """Raise BadInput where the fit could not be put: ask before long work."""
+    """Raise BadInput if the fit cannot be written to `folder`; call this before long work."""
     check_new_folder(folder, SVBRDF, force=False)
 
 
 def write_clusters(folder: Path, fit: SpatialFit) -> dict[str, Any]:
-    """Write fit, report, arrays, shaders and labels into a new folder, whole or not at all; the report.
+    """Write fit, report, arrays, shaders and labels to a new folder, whole or not at all; return the report.
 
-    The shaders can draw from every layer; the report has its noise, cluster by cluster.
+    The shaders can importance-sample every layer. The report contains the sampling noise of every cluster.
     """
     made = with_sampling(exported_layers(fit.layers, fit.asked.format))
     record = fit.record()

@@ -61,7 +61,7 @@ class _SvbrdfTable:
 
 @dataclass(frozen=True)
 class SweepMethodTable:
-    """One [[method]]: its name, what tables call it, and its settings."""
+    """One [[method]]: its name, its label in tables, and its settings."""
 
     method: str = required("How it is fitted, as for a comparison")
     label: str | None = option(None, "What tables call it")
@@ -109,9 +109,9 @@ class SweepTable(EvaluateSettings):
 
 @dataclass(frozen=True)
 class AskedSweep:
-    """What is fitted: the sources' words, absolute or material:NAME; methods by label, before bytes and seeds.
+    """The requested fits: sources as absolute paths or material:NAME; methods by label, without bytes and seeds.
 
-    `svbrdf` is there where the sources are the clusters of one material.
+    `svbrdf` is set if the sources are the clusters of one material.
     """
 
     name: str
@@ -124,7 +124,7 @@ class AskedSweep:
     svbrdf: SvbrdfSection | None = None
 
     def fits(self) -> "list[tuple[str, Method]]":
-        """(label, method) of all fits of one source, the seed set; a label names the bytes where there are several."""
+        """Return (label, method with seed) of all fits of one source; a label contains the bytes, if given."""
         found: list[tuple[str, Method]] = []
         for label, method in self.methods:
             sized = [(f"{label}, {count} B", each) for count in self.budgets if (each := with_bytes(method, count))]
@@ -135,8 +135,8 @@ class AskedSweep:
 def read_sweep(path: str | Path) -> AskedSweep:
     """Return the sweep in a TOML file.
 
-    Raises BadInput for a file that cannot be read, unknown keys, wrong types and values, sources that are not there and
-    patterns that match nothing, and a method or source named twice.
+    Raises BadInput for a file that cannot be read, unknown keys, wrong types and values, missing sources, patterns that
+    match nothing, and a label that two methods have. A source that is given twice is fitted once.
     """
     file = Path(path)
     given = read_toml(file, "a sweep in TOML")
@@ -204,5 +204,5 @@ def _matching(words: str, folder: Path) -> list[str]:
 
 
 def settings_record(settings: SourceSettings) -> dict[str, Any]:
-    """Return how sources are opened, JSON-able."""
+    """Return the settings for opening sources, JSON-able."""
     return {key: value for key, value in asdict(settings).items() if key != "path"}

@@ -1,7 +1,8 @@
-"""One fit of a sweep, and the key that it is known by.
+"""One fit of a sweep, and its unique key.
 
-The key is a digest of all that could change the fit: the source's bytes, how it is opened, the method with every
-setting, what is held out, and the version of homofact. A result folder of that name is that fit, wherever it was made.
+The key is a digest of everything that can change the fit: the bytes of the source, the settings for opening it, the
+method with all its settings, the held-out share, and the version of homofact. The key names the result folder, so a
+folder with this name contains the same fit on any machine.
 """
 
 import hashlib
@@ -31,7 +32,7 @@ _PIECE = 1 << 20
 
 @dataclass(frozen=True)
 class Task:
-    """A source's words and digest, how it is opened, a method's label, name and settings, and what is held out."""
+    """One fit: the source, its digest and settings, the method's label, name and settings, and the held-out share."""
 
     source: str
     digest: str
@@ -44,7 +45,7 @@ class Task:
 
     @cached_property
     def key(self) -> str:
-        """What tells the fit from every other: 32 hexadecimal digits. Where the source lies does not count."""
+        """The unique key of the fit: 32 hexadecimal digits. The folder of the source does not change it."""
         facts = {name: value for name, value in self.record().items() if name not in ("source", "label")}
         return content_key(facts)
 
@@ -57,20 +58,20 @@ class Task:
 
     @property
     def words(self) -> str:
-        """For messages: the source and the method."""
+        """The source, the method and the seed, for messages."""
         return f"{self.name}, {self.label}, seed {self.settings['seed']}"
 
     def is_here(self) -> bool:
-        """Return whether this machine has the source, as it was."""
+        """Return whether this machine has the source, unchanged."""
         named = self.source.startswith(MATERIAL_PREFIX)
         return named or (Path(split_member(self.source)[0]).exists() and source_digest(self.source) == self.digest)
 
     def fit_method(self) -> "Method":
-        """Return the method object. Raises BadInput for settings that are none of its own."""
+        """Return the method object. Raises BadInput for settings that the method does not have."""
         return ALL_METHODS[self.method](**self.settings)
 
     def source_settings(self) -> SourceSettings:
-        """Return how the source is opened."""
+        """Return the settings for opening the source."""
         return SourceSettings(**self.opening)
 
     def record(self) -> dict[str, Any]:
@@ -79,7 +80,7 @@ class Task:
 
 
 def task_of(record: Mapping[str, Any]) -> Task:
-    """Return the task of a record, every entry checked. Raises BadInput where it is none."""
+    """Check every entry of a record, and return its task. Raises BadInput for an invalid record."""
     fields = Fields("task: ", dict(record))
     unknown = record.keys() - {each.name for each in dataclass_fields(Task)}
     if unknown:
@@ -116,7 +117,7 @@ def tasks_of(asked: AskedSweep) -> list[Task]:
 
 
 def source_digest(source: str) -> str:
-    """SHA-256 of what a source is: a file's bytes, a folder's files, a material's name (its model is homofact's own).
+    """Return the SHA-256 of a source: of a file's bytes, of a folder's files, or of a named material's name.
 
     Raises BadInput for a file that cannot be read.
     """

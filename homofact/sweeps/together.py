@@ -1,4 +1,4 @@
-"""Sources of a sweep that are fitted together, under shared projections: the one method, and the sources opened."""
+"""Prepare sources for a fit under shared projections: check that there is one method, and open the sources."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -10,7 +10,7 @@ from homofact.sweeps.sweep_file import AskedSweep
 
 
 def one_search(asked: AskedSweep, what: str) -> Search:
-    """Return the sweep's only fit of a source, which is a search; `what` asks for it ("svbrdf").
+    """Return the sweep's only method, a search; messages name its purpose `what` ("svbrdf").
 
     Raises BadInput for more than one method, size or seed, another method, and settings that shared fits do not have.
     """
@@ -32,9 +32,9 @@ def one_search(asked: AskedSweep, what: str) -> Search:
 def open_together(
     asked: AskedSweep, settings: Search, notify: Callable[[str], object] = lambda words: None
 ) -> tuple[Source, ...]:
-    """Return all sources, in their order; `notify` hears which is being opened.
+    """Open all sources, in their order; `notify` receives the name of each.
 
-    Raises BadInput where channels differ.
+    Raises BadInput if their channels differ.
     """
     sources = []
     for words in asked.sources:
@@ -51,7 +51,7 @@ def open_together(
 
 
 def with_epsilon(settings: Search, sources: Sequence[Source]) -> Search:
-    """Return one ε for all, where none is given: the largest that a source asks for, so that errors are comparable."""
+    """Return settings with one ε for all: the given ε, or the largest default ε of the sources."""
     if settings.epsilon is not None:
         return settings
     return replace(settings, epsilon=max(source.default_epsilon for source in sources))

@@ -1,4 +1,4 @@
-"""One task done: the source opened, fitted, measured, its result put into the sweep's folder, whole or not at all."""
+"""Run one task: open and fit the source, measure the errors, and write the result, whole or not at all."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -25,10 +25,10 @@ PICTURE = "compare.png"
 
 
 def do(task: Task, folder: Path, words: str | None = None) -> dict[str, Any]:
-    """Fit a task into the sweep's folder; returns what became of it: "seconds", or "refused" with the reason.
+    """Run a task and write its result; return its "seconds", or the reason why it was "refused".
 
-    `words` say where the source lies here, if elsewhere. A result that is there stays. Raises OSError where the folder
-    cannot be written, a full disk among the reasons.
+    `words` is the path of the source on this machine, if it differs. An existing result stays. Raises OSError if the
+    folder cannot be written, for example because the disk is full.
     """
     ledger = SweepLedger(folder)
     if ledger.is_done(task):
@@ -57,9 +57,9 @@ def do(task: Task, folder: Path, words: str | None = None) -> dict[str, Any]:
 
 
 def put(ledger: SweepLedger, task: Task, fill: Callable[[Path], None]) -> None:
-    """Let `fill` write a task's result, whole or not at all; one that is there stays.
+    """Let `fill` write a task's result, whole or not at all; an existing result stays.
 
-    Raises OSError where it cannot be written: the folder's fault and not the task's, which would else be set aside.
+    Raises OSError if the result cannot be written. The folder is then at fault, so the task is not set aside.
     """
     try:
         write_folder(ledger.place(task), RESULT, fill)

@@ -1,9 +1,9 @@
-"""A worker's process: tasks come as lines of JSON on stdin, what became of them goes as lines to stdout.
+"""A worker process: it reads tasks as lines of JSON from stdin, and writes their outcomes as lines to stdout.
 
     python -m homofact.sweeps.worker FOLDER
 
-It ends when its stdin does, so with the client that started it, whatever way that ended; the task that it was at is
-finished before, and its result is there.
+The worker ends when its stdin ends, so it ends with the client that started it, however that client ended. Before it
+ends, it finishes its current task and writes the result.
 """
 
 import json

@@ -1,1 +1,1 @@
-"""What an engine needs beside textures and shaders: `table.ENGINES` by name."""
+"""The files that an engine needs besides textures and shaders. `table.ENGINES` lists the engines by name."""

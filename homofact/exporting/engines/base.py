@@ -1,4 +1,4 @@
-"""What an engine's export adds to the folder: files made from what is exported, and reflectances that they show."""
+"""What an engine adds to an export: files that are made from the fit, and the reflectances that they show."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -18,10 +18,10 @@ from homofact.shading.encoding import Encoded
 
 @dataclass(frozen=True)
 class Added:
-    """`files` by name, text or bytes; `looks` are reflectances in them other than the fit, by what they are called.
+    """`files` maps names to text or bytes; `looks` maps names to the reflectances, except the fit, that they show.
 
-    `light` is how the fit itself reflects the engine's own sky, where it does. `shipped` are the names of all files
-    that the engine needs, where these are only a few of them.
+    `light` describes how the fit itself reflects the engine's own sky; it is None if a look-alike does. If an engine
+    needs only a few of the files, `shipped` lists their names.
     """
 
     files: Mapping[str, str | bytes]
@@ -32,10 +32,10 @@ class Added:
 
 @dataclass(frozen=True)
 class Engine:
-    """An engine: its `name` on the command line, the texture `formats` that it takes, the first unless told otherwise.
+    """An engine: its `name` on the command line, and the texture `formats` that it supports, the default first.
 
-    `add` makes its files; it raises BadInput for a fit that the engine cannot show. `work` says in words what takes its
-    time.
+    `add` makes its files; it raises BadInput for a fit that the engine cannot show. `work` names the slow step for the
+    progress display.
     """
 
     name: str
@@ -45,7 +45,7 @@ class Engine:
 
 
 def check_colour(made: Exported, engine: str) -> None:
-    """Raise BadInput for a fit that has neither R, G, B nor one channel alone."""
+    """Raise BadInput unless the fit has one or three channels."""
     channels = made.stored.channels
     if len(channels) not in (1, 3):
         raise BadInput(where=engine, found=f"channels {', '.join(channels)}", expected="R, G, B or one alone")
@@ -61,12 +61,12 @@ def fit_notes(made: Exported) -> str:
 
 
 def template_text(name: str) -> str:
-    """A file of this package as it stands, with its marks."""
+    """Return a template file of this package, with its marks unfilled."""
     return (files("homofact.exporting.engines") / name).read_text(encoding="utf-8")
 
 
 def template(name: str, **values: str) -> str:
-    """A file of this package with every @NAME@ replaced, in one pass. Raises KeyError for one that has no value."""
+    """Return a template with every @NAME@ replaced, in one pass. Raises KeyError for a mark without a value."""
     text = template_text(name)
     unused = [key for key in values if f"@{key}@" not in text]
     assert not unused, f"{name}: no @{'@, @'.join(unused)}@"
@@ -74,7 +74,7 @@ def template(name: str, **values: str) -> str:
 
 
 def rgba(texture: Encoded) -> np.ndarray:
-    """The stored texels (rows, columns, 4), one channel in all of R, G, B, alpha 1 (or 255)."""
+    """Return the stored texels (rows, columns, 4): one channel is copied to R, G and B; alpha is 1 (or 255)."""
     stored = texture.stored
     rows, columns, channels = stored.shape
     colour = np.repeat(stored, 3, 2) if channels == 1 else stored[..., :3]

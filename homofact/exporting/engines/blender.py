@@ -34,7 +34,7 @@ def _files(made: Exported) -> Added:
 
 
 def script(made: Exported, light: ClosureLight) -> str:
-    """Return the text of the script, whose texels are decoded: a texture of bytes is written as its values."""
+    """Return the text of the script, with decoded texels: the values, not the bytes, of an 8-bit texture."""
     textures = [as_floats(texture.texels) for texture in made.stored.textures]
     graph = node_graph(program_of(made.stored, textures))
     called = name_of(made.stored.provenance)
@@ -55,7 +55,7 @@ def script(made: Exported, light: ClosureLight) -> str:
 
 
 def tables_of(closures: Closures) -> list[np.ndarray]:
-    """Tables (T or 1, COLUMNS, 1 or 3): weights of the Lambertian closure, then of each lobe its shape and weights."""
+    """Return tables (T or 1, COLUMNS, 1 or 3): the Lambertian weights, then the shape and weights of each lobe."""
     weights = closures.weights.numpy()
     tables = [weights[:, :, 0]]
     for k in range(closures.lobes.shape[1]):

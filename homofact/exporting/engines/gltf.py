@@ -43,7 +43,7 @@ def _files(made: Exported) -> Added:
 
 
 def readme(look: MetallicRoughness, name: str, found: Likeness, notes: str = "") -> str:
-    """Return the text of README.md: what the look-alike is, what it is not, its errors, and `notes` as `fit_notes`."""
+    """Return the text of README.md on the look-alike and its errors, with `notes` as from `fit_notes`."""
     rows = [f"| {label} | {value} |" for label, value in _numbers(look)]
     extensions = sorted(extensions_of(look))
     return template(
@@ -79,7 +79,7 @@ def material_of(look: MetallicRoughness, name: str) -> dict[str, Any]:
 
 
 def extensions_of(look: MetallicRoughness) -> dict[str, Any]:
-    """Return the extensions of the material's object, by name; none that would change nothing."""
+    """Return the extensions of the material's object by name, without those that would change nothing."""
     more: dict[str, Any] = {}
     if look.extended_specular:
         colour = look.specular_colour or (1.0,)
@@ -101,7 +101,7 @@ def extensions_of(look: MetallicRoughness) -> dict[str, Any]:
 def glb(look: MetallicRoughness, name: str, rings: int = 48, note: str = "") -> bytes:
     """Return a binary glTF 2.0 file: the unit sphere with its tangents along the parallels, in this material.
 
-    A `note` stands behind the name of the material, in brackets.
+    The name of the material ends with `note` in parentheses.
     """
     mesh = sphere(rings)
     normals = mesh.normals

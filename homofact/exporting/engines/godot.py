@@ -1,12 +1,13 @@
-"""A material for Godot 4 in a folder to copy into a project: a spatial shader whose `light()` is the fit, its textures.
+"""A material for Godot 4, as a folder to copy into a project: textures and a shader whose `light()` is the fit.
 
-With a prefiltered sky, `fragment()` reads the chain by the material's own table (`rendering.prefilter`) and emits what
-the fit reflects; the engine's own ambient light is off. Otherwise the look-alike reflects the sky. The chain is a
-resource of Godot's own (`containers.godot_cubemap`): its importer of images makes the levels of a cube map itself.
+With a prefiltered sky, `fragment()` reads the levels of the sky as the material's own table directs
+(`rendering.prefilter`), and emits the light that the fit reflects. The engine's ambient light is then off. Without a
+prefiltered sky, the look-alike reflects Godot's sky. The levels are stored as a Godot resource
+(`containers.godot_cubemap`), because Godot's image importer would compute the levels of a cube map itself.
 
-Godot's editor reads how to import a file from the .import beside it, and adds what is missing there. Without one it
-would compress the texels (BC6H, which has no negative numbers) as soon as it sees them used in 3D, and take brdf.glsl
-for a compute shader with errors.
+Godot's editor reads the import settings of a file from the .import file beside it, and adds missing settings. Without a
+.import file, the editor would compress the texels as BC6H, without negative numbers, as soon as a 3D material uses
+them. It would also read brdf.glsl as a compute shader and report errors.
 """
 
 from collections.abc import Mapping

@@ -1,9 +1,9 @@
-"""A MaterialX node of type BSDF with the generated GLSL as its implementation, in a document with a material of it.
+"""A MaterialX node of type BSDF, implemented by the generated GLSL, in a document with a material that uses it.
 
-Lights are reflected by the fit, environments by its table for lobes of GGX (`engine_light`): of an environment the
-generators for GLSL give a node what such a lobe reflects, and the irradiance. A lobe that is seen from its own mirror
-direction averages light round it, with Smith's masking and shadowing. For OSL there is no implementation: its closures
-are the renderer's own.
+The fit itself reflects lights. Its table for GGX lobes (`engine_light`) reflects environments, because MaterialX's
+generators for GLSL give a node only the irradiance and the light that a GGX lobe reflects from the environment. A lobe
+seen from its mirror direction averages the light around that direction, with Smith's masking and shadowing. There is no
+OSL implementation, because a renderer defines the OSL closures itself.
 """
 
 import re

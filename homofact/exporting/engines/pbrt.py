@@ -1,8 +1,8 @@
 """A scene for pbrt-v4 with the fit as its material `measured`: RGL's tensor file, tabulated from the fit.
 
-pbrt reads such files (`MeasuredBRDF::Create` in its bxdfs.cpp) with spectra alone, and of anisotropic materials only
-over the whole turn, so RGB becomes spectra (`brdf.upsampling`) that give it back under D65, the white of pbrt's lights
-and pictures in sRGB.
+pbrt (`MeasuredBRDF::Create` in its bxdfs.cpp) reads only spectral files, and anisotropic materials only with all
+azimuths. The export therefore converts RGB to spectra (`brdf.upsampling`) that give the same RGB under D65, the white
+point of pbrt's lights and of its pictures in sRGB.
 """
 
 import re
@@ -51,7 +51,7 @@ def _files(made: Exported) -> Added:
 
 
 def with_spectra(table: AdaptiveTable) -> AdaptiveTable:
-    """Return a table of R, G and B, or of one channel, converted to spectra; grey has equal values at both ends."""
+    """Return a table of R, G, B or of one channel as spectra; one channel gives constant spectra of two nodes."""
     grey = len(table.channels) == 1
     nodes = (NODES[0], NODES[-1]) if grey else NODES
     values = table.table.expand(*table.table.shape[:-1], 2) if grey else to_spectra(table.table)

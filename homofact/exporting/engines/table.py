@@ -14,9 +14,9 @@ ENGINES = {engine.name: engine for engine in (THREE, GLTF, MATERIALX_ENGINE, GOD
 
 
 def engine_named(name: str, form: str | None) -> tuple[Engine, str]:
-    """Return the engine, and the texture format asked for or its own.
+    """Return the engine, and the requested texture format or the engine's default.
 
-    Raises BadInput for what it is not or does not take.
+    Raises BadInput for an unknown engine, and for a format that the engine does not support.
     """
     if name not in ENGINES:
         raise BadInput(

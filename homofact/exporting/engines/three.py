@@ -1,8 +1,9 @@
-"""A three.js material as a folder that npm installs: one module with texels and shader in it, an example page.
+"""A three.js material as an npm package: one module with texels and shader, and an example page.
 
-The material is three's own physical one, its direct light replaced by the fit's program (`RE_Direct` of its shader),
-its indirect light by the fit's table for three's own filtered environments (`engine_light`). A three that filters them
-otherwise reflects them by the glTF material that looks most like the fit (`gltf_fit`, without extensions).
+The material extends three's physical material. The fit's program replaces the direct light (`RE_Direct` of the shader).
+The fit's table for three's filtered environments (`engine_light`) replaces the indirect light. If a version of three
+filters environments differently, they are reflected by the glTF material that looks most like the fit (`gltf_fit`,
+without extensions).
 """
 
 import base64
@@ -95,7 +96,7 @@ def _texture(texels: np.ndarray, kind: str) -> dict[str, Any]:
 
 
 def page(called: str) -> str:
-    """The example page, its Content-Security-Policy by the digests of the style and the scripts that it holds."""
+    """Return the example page; its Content-Security-Policy contains the digests of its style and scripts."""
     text = template_text("three.html")
     return template(
         "three.html",
@@ -106,7 +107,7 @@ def page(called: str) -> str:
 
 
 def package_name(called: str) -> str:
-    """A name that npm takes: small letters, digits and hyphens."""
+    """Return a valid npm package name: lowercase letters, digits and hyphens."""
     return "homofact-" + (re.sub("[^a-z0-9]+", "-", called.lower()).strip("-") or "brdf")[:100]
 
 

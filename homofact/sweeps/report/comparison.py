@@ -1,7 +1,7 @@
 """Two sweeps side by side: which fits got better, which worse, by each metric.
 
-Two fits are the same one where source, label and seed are. A change counts from 1 % on for an error, from 0.01 for a
-ratio that should be 1, and from 0.1 dB for a PSNR.
+Two fits are compared if their source, label and seed are the same. A change counts if it is at least 1% of an error,
+0.01 of a ratio that should be 1, or 0.1 dB of a PSNR.
 """
 
 from collections.abc import Sequence
@@ -24,7 +24,7 @@ class Pair:
     before: ReportedFit
 
     def change(self, metric: Metric) -> float | None:
-        """Return how much worse it got, negative where better; None where either has no such figure."""
+        """Return how much worse the metric got, negative if better; None if either fit lacks the metric."""
         now, before = self.now.row.metrics[metric.name], self.before.row.metrics[metric.name]
         return None if now is None or before is None else change(metric, before, now)
 
@@ -44,7 +44,7 @@ class SweepComparison:
         return {kind: said.count(kind) for kind in ("better", "same", "worse")}
 
     def record(self) -> dict[str, Any]:
-        """Return how many pairs there are and what became of them, JSON-able."""
+        """Return the number of pairs, and how many got better, worse or stayed the same, JSON-able."""
         return {
             "versions": list(self.before.versions),
             "pairs": len(self.pairs),
@@ -74,14 +74,14 @@ def word(metric: Metric, step: float) -> str:
 
 
 def compared(now: ReadSweep, before: ReadSweep) -> SweepComparison:
-    """Return two sweeps, fit by fit."""
+    """Compare two sweeps, fit by fit."""
     earlier = {fit.match: fit for fit in before.fits}
     pairs = tuple(Pair(fit, earlier[fit.match]) for fit in now.fits if fit.match in earlier)
     return SweepComparison(before, pairs, len(now.fits) - len(pairs), len(before.fits) - len(pairs))
 
 
 def worst(fits: Sequence[ReportedFit], metric: Metric, count: int = 10) -> list[ReportedFit]:
-    """Return the `count` worst fits by a metric, the worst first; those without the figure are none of them."""
+    """Return the `count` worst fits by a metric, the worst first; fits without the metric are skipped."""
     order = [
         (metric.badness(value), k) for k, fit in enumerate(fits) if (value := fit.row.metrics[metric.name]) is not None
     ]

@@ -1,4 +1,4 @@
-"""The pieces that the pages of a report share: its own head, its style, text made safe, figures with their words."""
+"""The common parts of a report's pages: head, style, and texts escaped for HTML."""
 
 import html
 from collections.abc import Sequence
@@ -19,9 +19,9 @@ def page_html(
     data: dict[str, Any] | None = None,
     content: str = "",
 ) -> str:
-    """A page of the report: its body, a template, in the head and the style of all, with its scripts and their data.
+    """Return a page of the report: the template `body` with the common head and style, scripts and their data.
 
-    `content` is what a body of {{content}} shows.
+    `content` replaces {{content}} in the body.
     """
     return assembled(
         body,
@@ -38,11 +38,11 @@ def page_html(
 
 
 def safe(text: object) -> str:
-    """Return a text as HTML that shows it, in attributes too."""
+    """Return a text escaped for HTML, also for attributes."""
     return html.escape(harmless(str(text)))
 
 
 def finding_words(finding: ReportedFinding) -> str:
-    """Return a finding as an item of a list."""
+    """Return a finding as an HTML list item."""
     remedy = f" <span class='quiet'>{safe(finding.remedy)}</span>" if finding.remedy else ""
     return f"<li><b>{safe(finding.name)}</b>, {safe(finding.about)}: {safe(finding.found)}.{remedy}</li>"

@@ -1,7 +1,7 @@
 """The page of a whole sweep: charts, the table of all fits, the worst of them, what changed, what was set aside.
 
-The data are JSON, a list a fit; the page draws what is seen of them. Figures are rounded to six digits there, the
-tables beside the page have them in full.
+The page contains its data as JSON, with one list per fit, and draws the visible part. The JSON has figures with six
+digits; the tables beside the page have all digits.
 """
 
 from collections.abc import Mapping, Sequence
@@ -38,7 +38,7 @@ def index_html(
 def index_data(
     sweep: ReadSweep, shown: Mapping[str, FitFiles], comparison: SweepComparison | None, files: Sequence[str]
 ) -> dict[str, Any]:
-    """Return what the page draws; `index.js` says what is where in a fit's list."""
+    """Return the data that the page draws; `index.js` defines the order of the entries in a fit's list."""
     labels = list(by_label(fit.row for fit in sweep.fits))
     materials = [{"page": page, "name": name} for page, name in sweep.names().items()]
     places = {material["page"]: k for k, material in enumerate(materials)}

@@ -12,9 +12,9 @@ from homofact.sweeps.report.reading import ReportedFit
 
 @dataclass(frozen=True)
 class FitFiles:
-    """What the site has of a fit beside its figures: files in fits/, and why there is no viewer where it has none.
+    """The files of a fit in fits/, and a note, for example why the fit has no viewer.
 
-    `textures` are (file, caption); `note` is empty where there is nothing to say.
+    `textures` are pairs (file, caption); `note` may be empty.
     """
 
     picture: str | None
@@ -26,7 +26,7 @@ class FitFiles:
 def material_html(
     name: str, fits: Sequence[ReportedFit], shown: Mapping[str, FitFiles], aside: Sequence[Aside], sweep: str
 ) -> str:
-    """Return the page of the material of this name; `shown` is by key, `aside` what there is no fit of."""
+    """Return the page of a material; `shown` maps fits' keys to their files, `aside` lists tasks without a fit."""
     body = [
         "<main class='material'>",
         "<nav class='crumbs' aria-label='Breadcrumb'><a href='../index.html'>← All fits</a></nav>",

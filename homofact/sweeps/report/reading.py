@@ -1,7 +1,7 @@
-"""A sweep's folder read for a report: every fit with its figures and its verdict, and what there is no fit of.
+"""Read a sweep's folder for a report: every fit with its figures and verdict, and the tasks without a fit.
 
-Every figure is checked where it is taken, since a folder may have been edited. The reports themselves are not kept:
-a sweep may have thousands.
+Every figure is checked when it is read, because the folder may have been edited. The reports are not kept in memory,
+because a sweep may have thousands of them.
 """
 
 import re
@@ -24,7 +24,7 @@ _MOST = 2**53
 
 @dataclass(frozen=True)
 class ReportedFinding:
-    """One thing that the verdict notes of a fit: what it is about, what was found, and what to do about it."""
+    """One finding of a verdict: what it is about, what was found, and the remedy."""
 
     name: str
     about: str
@@ -44,12 +44,12 @@ class ReportedFit:
 
     @property
     def material(self) -> str:
-        """What its page is called: the first 16 digits of the source's digest."""
+        """The name of its page: the first 16 digits of the source's digest."""
         return self.task.digest[:16]
 
     @property
     def match(self) -> tuple[str, str, int]:
-        """What makes it the same fit in another sweep: source, label and seed."""
+        """The key of the same fit in another sweep: the source's digest, label and seed."""
         return self.task.digest, self.row.label, self.row.seed
 
 
@@ -65,7 +65,7 @@ class ReadSweep:
 
     @property
     def versions(self) -> tuple[str, ...]:
-        """The versions of homofact that its fits were made by."""
+        """The versions of homofact that made its fits."""
         return tuple(sorted({fit.task.version for fit in self.fits}, key=_parts))
 
     def materials(self) -> dict[str, list[ReportedFit]]:
@@ -76,7 +76,7 @@ class ReadSweep:
         return by_page
 
     def names(self) -> dict[str, str]:
-        """What each material is called, by its page's name: its folder's name too where two files have the same."""
+        """Return each material's name by its page's name; if two files have the same name, with their folders."""
         tasks = {page: fits[0].task for page, fits in self.materials().items()}
         names = {page: task.name for page, task in tasks.items()}
         folders = {page: f"{Path(task.source).parent.name}/{task.name}" for page, task in tasks.items()}
@@ -89,7 +89,8 @@ class ReadSweep:
 def read_results(folder: Path) -> ReadSweep:
     """Return the sweep in a folder.
 
-    Raises BadInput where it is no sweep's, holds no result, was edited, or has fits of a newer homofact.
+    Raises BadInput if the folder is not a sweep's, contains no result, was edited, or contains fits of a newer
+    homofact.
     """
     ledger = SweepLedger(folder)
     name, asked = ledger.name, ledger.asked()

@@ -1,4 +1,4 @@
-"""A sweep's results as a static site: written whole or not at all, and opened from a folder without network.
+"""A sweep's results as a static site, which is written whole or not at all and works without a network.
 
 index.html               charts, the table of all fits, the worst fits, changes, failed tasks
 materials/DIGEST.html    a page per material
@@ -60,7 +60,7 @@ def write_site(
 ) -> Site:
     """Write the report of the sweep in `folder`, compared with an earlier one `against`, to the folder `out`.
 
-    `notify` hears which fit is at work, how many are done and of how many. Without `viewers` there are none. Raises
+    `notify(fit, done, total)` is called before each fit. If `viewers` is false, the site has no viewers. Raises
     BadInput as `reading.read_results` for either sweep, and as `files.folder.write_folder`.
     """
     check_new_folder(out, SITE, force)

@@ -1,4 +1,4 @@
-"""What a report's pages show, as CSV and, where pyarrow is there, Parquet."""
+"""The figures of a report's pages, as CSV and, if pyarrow is installed, as Parquet."""
 
 import json
 from collections.abc import Sequence
@@ -55,9 +55,9 @@ def aside_rows(aside: Sequence[Aside]) -> list[dict[str, Any]]:
 
 
 def write_table(folder: Path, name: str, rows: Sequence[dict[str, Any]]) -> list[str]:
-    """NAME.csv and, where it can be, NAME.parquet of one or more rows; the files' names.
+    """Write one or more rows to NAME.csv and, if possible, NAME.parquet; return the files' names.
 
-    Numbers in full, what is not there empty; UTF-8.
+    Numbers have all digits, and missing values are empty cells. The encoding is UTF-8.
     """
     columns = list(rows[0])
     write_text(folder / f"{name}.csv", csv_text([columns, *([row[key] for key in columns] for row in rows)]))
