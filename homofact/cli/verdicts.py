@@ -43,7 +43,7 @@ def where_lines(verdict: "Verdict") -> list[str]:
 
 
 def incidence_lines(verdict: "Verdict") -> list[str]:
-    """Return a line with the fit's light divided by that of its samples, by angle of incidence; empty if unknown."""
+    """Return a line with the light of the fit over its samples' light, by angle of incidence; empty if unknown."""
     light = light_by_incidence(verdict.figures.light.by_incidence)
     return [f"Light of the fit over that of its samples, by θi: {light}"] if light else []
 

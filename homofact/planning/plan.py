@@ -250,7 +250,7 @@ def plan_scene(
     clock: PlanClock | None = None,
     larger: bool = False,
 ) -> ScenePlan:
-    """Plan a scene; `fits_by_source` reuses the fits of another plan, and `clock` is told about each fit.
+    """Plan a scene; `fits_by_source` reuses the fits of another plan, and reports each fit to `clock`.
 
     If `larger`, the clock also expects the fits of `neighbours.with_larger_measured`, which the caller runs next.
 

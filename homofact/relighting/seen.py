@@ -131,7 +131,7 @@ class _TexelParts:
 
     @classmethod
     def of(cls, reflectance: Reflectance, size: int) -> "_TexelParts | None":
-        """Return the subdivision for maps of `size` texels a side; None if the highlight is wider than a texel."""
+        """Return the subdivision for maps of `size` texels per side; None if the highlight is wider than a texel."""
         width = half_width(reflectance)
         times = texel_divisions(width, size)
         # Twice as fine as the sum of the separate lobe, which is judged by this.

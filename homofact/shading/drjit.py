@@ -1,4 +1,4 @@
-"""Evaluate and sample a fit in Dr.Jit, for Mitsuba, by interpreting its shading programs on Dr.Jit arrays.
+"""Evaluate fits and sample from them in Dr.Jit, for Mitsuba, by interpreting its shading programs on Dr.Jit arrays.
 
 Every number of the program is a constant of the traced kernel. The program is the one that is printed as shaders, so it
 is as accurate in float32 as the shaders.
