@@ -109,6 +109,11 @@ class Advice:
         """Return a JSON-able dictionary."""
         return {"setting": self.setting, "value": self.value}
 
+    @classmethod
+    def of_record(cls, record: Any) -> "Advice | None":
+        """Return the advice of a record; None for None. Raises KeyError or TypeError for an invalid record."""
+        return None if record is None else cls(record["setting"], record["value"])
+
 
 class Status(Enum):
     """How a fit, search or solve ended. The value is the word in reports; `remedy` says what to do."""

@@ -160,7 +160,9 @@ class CompareSettings(_Checked):
         expected_instead=_several,
     )
     plot: str | None = option(None, "Draw the errors (.png, .pdf, .svg)", metavar="FILE")
-    csv: str | None = option(None, "Write means and standard deviations over sources and seeds (.csv)", metavar="FILE")
+    csv: str | None = option(
+        None, "Write means and standard deviations over sources, seeds and splits (.csv)", metavar="FILE"
+    )
     latex: str | None = option(
         None, "Write means and standard deviations as a LaTeX table for booktabs (.tex)", metavar="FILE"
     )
@@ -203,7 +205,7 @@ class OutputSettings(_Checked):
         metavar="FOLDER",
         panel=OUTPUT,
     )
-    force: bool = option(False, "Replace an existing result, or repeat the fits of a chart", panel=OUTPUT)
+    force: bool = option(False, "Replace an existing result", panel=OUTPUT)
 
 
 @dataclass(frozen=True)

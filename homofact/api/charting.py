@@ -4,7 +4,7 @@ import re
 import time
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -73,7 +73,7 @@ class ChartResult:
         One for each source.
     """
 
-    charts: tuple[SourceChart, ...]
+    charts: tuple[SourceChart, ...] = field(repr=False)
 
     @property
     def files(self) -> list[Path]:

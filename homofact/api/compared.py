@@ -1,7 +1,7 @@
 """What a comparison found: the fits of every method to every source, with their metrics and means."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -102,7 +102,7 @@ class CompareResult:
         Whether the LaTeX table also has rows for each source.
     """
 
-    sources: tuple[SourceComparison, ...]
+    sources: tuple[SourceComparison, ...] = field(repr=False)
     fits: int
     several: bool
     interrupted: bool

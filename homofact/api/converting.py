@@ -10,7 +10,7 @@ files have the same ending.
 import math
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -68,7 +68,7 @@ class ConvertResult:
     size: int
     format: str
     notes: tuple[str, ...]
-    facts: dict[str, Any]
+    facts: dict[str, Any] = field(repr=False)
 
     def record(self) -> dict[str, Any]:
         """Return the JSON form."""

@@ -1,7 +1,7 @@
 """Describing: the contents of a file or folder, the properties of a source, or the command that reads a TOML file."""
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -57,10 +57,10 @@ class InfoResult:
 
     name: str
     kind: str
-    facts: dict[str, Any]
-    rows: dict[str, Any]
+    facts: dict[str, Any] = field(repr=False)
+    rows: dict[str, Any] = field(repr=False)
     mended: tuple[str, ...] = ()
-    suspected: "tuple[Suspicion, ...]" = ()
+    suspected: "tuple[Suspicion, ...]" = field(default=(), repr=False)
     asked: tuple[str, ...] = ()
 
     def record(self) -> dict[str, Any]:

@@ -1,7 +1,7 @@
 """Evaluating: measure the errors of a fit against its source, on held-out samples if there are any."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from homofact.api.progress import Progress, ProgressSteps
@@ -41,7 +41,7 @@ class EvaluateResult:
     test: "SixErrors"
     part: str
     metrics: dict[str, float | None]
-    appearance: "Appearance | None"
+    appearance: "Appearance | None" = field(repr=False)
     conditions: list[str]
 
     @property

@@ -1,7 +1,7 @@
 """Exporting: a fit's textures in an engine's format, with the shaders that read them."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -79,18 +79,18 @@ class ExportResult:
     folder: Path
     format: str
     files: tuple[str, ...]
-    errors: dict[str, Any]
+    errors: dict[str, Any] = field(repr=False)
     part: str
     caution: str
     source_found: bool
     cost: "EvaluationCost"
-    noise: tuple[Mapping[str, float], ...]
+    noise: tuple[Mapping[str, float], ...] = field(repr=False)
     engine: str = ""
-    looks: Mapping[str, Any] | None = None
-    prefiltered: "PrefilteredExport | None" = None
-    light: "UnderSkies | None" = None
-    likeness: "Likeness | None" = None
-    verdict: Mapping[str, Any] | None = None
+    looks: Mapping[str, Any] | None = field(default=None, repr=False)
+    prefiltered: "PrefilteredExport | None" = field(default=None, repr=False)
+    light: "UnderSkies | None" = field(default=None, repr=False)
+    likeness: "Likeness | None" = field(default=None, repr=False)
+    verdict: Mapping[str, Any] | None = field(default=None, repr=False)
     shipped: tuple[str, ...] = ()
 
     def record(self) -> dict[str, Any]:

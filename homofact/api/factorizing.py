@@ -19,6 +19,9 @@ from homofact.methods.search import Search
 from homofact.methods.table import made, mccool_like
 from homofact.sections import SourceSettings
 
+# A second lobe is named only if the log error is this much smaller; a model's error of values may be so much larger.
+_CLEARLY_LESS, _MOST_MSE = 0.9, 1.25
+
 if TYPE_CHECKING:
     from homofact.api.result import Fit
     from homofact.brdf.source import Source
@@ -27,7 +30,7 @@ if TYPE_CHECKING:
     from homofact.methods.method import Method
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class FactorizeResult:
     """A fit, a fit with McCool's projections of the same size for comparison, and their folder.
 
@@ -47,8 +50,8 @@ class FactorizeResult:
     left_out : str
         What was not written because a library is missing; otherwise empty.
     model : FitWithErrors or None
-        A GGX model with smaller errors than the fit on the held-out samples; None if homofact tried none or its errors
-        are larger.
+        A GGX model that is as good as the fit on the held-out samples or better; None if homofact tried none or its
+        errors are larger.
     """
 
     folder: Path
@@ -58,6 +61,10 @@ class FactorizeResult:
     picture: Path | None
     left_out: str
     model: "FitWithErrors | None" = None
+
+    def __repr__(self) -> str:
+        """Name the folder, the fit and its verdict."""
+        return f"<FactorizeResult in {self.folder}: {self.fit!r}: {self.row.verdict.summary}>"
 
     @property
     def row(self) -> "ComparisonRow":
@@ -184,10 +191,11 @@ def factorize(
 
 
 def _model_as_good(subject: "Source", row: "ComparisonRow") -> "FitWithErrors | None":
-    """Return a GGX model fitted on the same split, if its log and value errors are below the textures' errors.
+    """Return a GGX model of one or two lobes, fitted on the same split, that is as good as the textures; else None.
 
-    Returns None otherwise; also for fits without textures or without held-out samples. Sources that do not consist of
-    samples are skipped, because there a model takes seconds.
+    Its log error is smaller, and its error of values at most `_MOST_MSE` times as large. Two lobes are returned only if
+    their log error is clearly smaller than that of one. Returns None for fits without textures or without held-out
+    samples. Sources that do not consist of samples are skipped, because there a model takes seconds.
     """
     from homofact.brdf.scattered import made_of_samples
     from homofact.evaluation.compare import fit_baseline
@@ -195,16 +203,25 @@ def _model_as_good(subject: "Source", row: "ComparisonRow") -> "FitWithErrors | 
 
     if not (row.factorization.textures and row.split.held_out and made_of_samples(subject.reflectance)):
         return None
+    epsilon = row.factorization.transform.epsilon
     try:
-        found = fit_baseline(subject, row.split, Ggx(epsilon=row.factorization.transform.epsilon))
+        one, two = (fit_baseline(subject, row.split, Ggx(lobes=lobes, epsilon=epsilon)) for lobes in (1, 2))
     except BadInput:
         return None
+    found = two if two.held_out.log_mse < _CLEARLY_LESS * one.held_out.log_mse else one
     own, other = row.held_out, found.held_out
-    return found if other.log_mse < own.log_mse and other.mse < own.mse else None
+    return found if other.log_mse < own.log_mse and other.mse <= _MOST_MSE * own.mse else None
 
 
 def _model_record(model: "FitWithErrors") -> dict[str, Any]:
-    return {"method": "ggx", "bytes": model.factorization.nbytes, "held_out": model.held_out.record()}
+    from homofact.brdf.analytic.ggx import GgxBrdf
+    from homofact.parametric.model_fit import ModelFit
+
+    fit = model.factorization
+    assert isinstance(fit, ModelFit)
+    assert isinstance(fit.model, GgxBrdf)
+    lobes = len(fit.model.lobes)
+    return {"method": "ggx", "lobes": lobes, "bytes": model.factorization.nbytes, "held_out": model.held_out.record()}
 
 
 def caption(record: dict[str, Any]) -> list[str]:

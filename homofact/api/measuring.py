@@ -1,7 +1,7 @@
 """Measuring: choose the directions that a goniometer should measure next, from the samples so far."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -61,20 +61,20 @@ class MeasureResult:
         What was written.
     """
 
-    samples: "Samples | None"
+    samples: "Samples | None" = field(repr=False)
     goniometer: "Goniometer"
-    angles: list[tuple[float, float, float]]
+    angles: list[tuple[float, float, float]] = field(repr=False)
     incidences: tuple[float, ...]
     seconds: float
     seconds_unordered: float
-    foretold: "Foretold"
+    foretold: "Foretold" = field(repr=False)
     remaining: float
     change: float
     change_by_rings: float
     stop: bool
     highest: float | None
     misfit: float
-    estimate: "CompletedBrdf"
+    estimate: "CompletedBrdf" = field(repr=False)
     files: list[Path]
 
     def record(self) -> dict[str, Any]:

@@ -4,7 +4,7 @@ import os
 import time
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -43,9 +43,9 @@ class PlanResult:
         The figure.
     """
 
-    plan: "ScenePlan"
-    verdicts: "Mapping[str, Verdict | None]"
-    against: "ScenePlan | None"
+    plan: "ScenePlan" = field(repr=False)
+    verdicts: "Mapping[str, Verdict | None]" = field(repr=False)
+    against: "ScenePlan | None" = field(repr=False)
     folders: dict[str, str] | None
     plot: Path | None
 

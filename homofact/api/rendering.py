@@ -1,7 +1,7 @@
 """Rendering: the lit sphere of a fit or a source, as a picture."""
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -43,7 +43,7 @@ class RenderResult:
     """
 
     result: str
-    pixels: "np.ndarray"
+    pixels: "np.ndarray" = field(repr=False)
     file: Path | None
     light: str
     caption: str

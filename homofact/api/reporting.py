@@ -1,6 +1,6 @@
 """Reporting: a sweep's results as a static site."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +31,7 @@ class ReportResult:
     files: int
     size: int
     left_out: str
-    facts: dict[str, Any]
+    facts: dict[str, Any] = field(repr=False)
 
     @property
     def index(self) -> Path:

@@ -30,6 +30,7 @@ from homofact.shading.program import Program, program_of
 if TYPE_CHECKING:
     from homofact.api.module import FitModule
     from homofact.brdf.log_transform import LogTransform
+    from homofact.evaluation.verdict.finding import Finding
     from homofact.factor.fitted import Fitted, QuantizationGrid, Texture
 
 
@@ -47,7 +48,7 @@ class Judgement(Protocol):
         ...
 
     @property
-    def findings(self) -> Sequence[Any]:
+    def findings(self) -> "Sequence[Finding]":
         """The findings of the verdict."""
         ...
 
@@ -306,11 +307,11 @@ class Fit:
 
 @dataclass(frozen=True)
 class RecordedVerdict:
-    """A verdict read from a result's report.json; `findings` are the records of its findings."""
+    """A verdict read from a result's report.json."""
 
     trusted: bool
     summary: str
-    findings: tuple[dict[str, Any], ...]
+    findings: "tuple[Finding, ...]"
     facts: Mapping[str, Any]
     bars: "ErrorBars | None" = None
 
@@ -323,12 +324,14 @@ class RecordedVerdict:
         """Return the verdict of a record; None if the record is invalid, as in a report of an early version."""
         if not isinstance(record, Mapping) or not isinstance(record.get("trusted"), bool):
             return None
+        from homofact.evaluation.verdict.finding import Finding
+
         findings = record.get("findings")
-        kept = [finding for finding in findings if isinstance(finding, dict)] if isinstance(findings, list) else []
+        kept = [Finding.of_record(each) for each in findings] if isinstance(findings, list) else []
         summary = record.get("summary")
         words = trust_in_words(record["trusted"], summary if isinstance(summary, str) else "")
         bars = ErrorBars.of_record(record["bars"]) if "bars" in record else None
-        return cls(record["trusted"], words, tuple(kept), record, bars)
+        return cls(record["trusted"], words, tuple(each for each in kept if each is not None), record, bars)
 
 
 def with_record(fit: Fit, record: Mapping[str, Any]) -> Fit:

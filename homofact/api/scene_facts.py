@@ -48,7 +48,7 @@ def _edit_rows(found: Mapping[str, Any]) -> dict[str, Any]:
         "light": f"{found['light']}, {counted(found['triangles'], 'triangle')}",
         "views": [f"{each['name']}, {counted(each['pixels'], 'covered pixel')}" for each in found["views"]],
         **materials,
-        "stored": _stored(found["bytes"]),
+        "stored": _megabytes(found["bytes"]),
         "error of the low rank": f"at most {found['error']['low_rank']:.2%} (relative RMS)",
         "error of lights and bands": ", ".join(errors),
     }
@@ -63,7 +63,7 @@ def _relit_rows(found: Mapping[str, Any]) -> dict[str, Any]:
             f" {counted(each['terms'], 'term')}, {each['form']}, {each['coefficients_per_vector']:.0f} numbers per"
             f" vector; error {error}"
         )
-    return {"light": found["light"], "cube": f"{found['cube']}²", **objects, "stored": _stored(found["bytes"])}
+    return {"light": found["light"], "cube": f"{found['cube']}²", **objects, "transport": _megabytes(found["bytes"])}
 
 
 def _whole(errors: Mapping[str, float]) -> float:
@@ -71,5 +71,5 @@ def _whole(errors: Mapping[str, float]) -> float:
     return errors.get("picture", errors["together"])
 
 
-def _stored(count: int) -> str:
+def _megabytes(count: int) -> str:
     return f"{count / 1e6:.3g} MB"

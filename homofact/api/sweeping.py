@@ -1,7 +1,7 @@
 """Sweeping: fit every source by every method on all processors and save the results, or fit all sources together."""
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -47,8 +47,8 @@ class SweepResult:
 
     folder: Path
     name: str
-    rows: "list[FitRow]"
-    aside: "list[Aside]"
+    rows: "list[FitRow]" = field(repr=False)
+    aside: "list[Aside]" = field(repr=False)
     tasks: int
     done_before: int
     done: int

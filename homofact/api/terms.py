@@ -1,7 +1,7 @@
 """Terms: the number of in-out terms for a material, and what a homomorphic fit costs instead."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from homofact.api.progress import Progress, ProgressSteps
@@ -37,7 +37,7 @@ class TermsResult:
     source: str
     count: "InOutCount"
     nbytes: int
-    row: "ComparisonRow | None" = None
+    row: "ComparisonRow | None" = field(default=None, repr=False)
     costs: "TermCosts | None" = None
 
     def record(self) -> dict[str, Any]:

@@ -49,8 +49,8 @@ class ViewResult:
     titles: tuple[str, ...]
     caution: str = ""
     source_found: bool = True
-    reports: "Mapping[str, Report]" = field(default_factory=dict)
-    facts: Mapping[str, Any] = field(default_factory=dict)
+    reports: "Mapping[str, Report]" = field(repr=False, default_factory=dict)
+    facts: Mapping[str, Any] = field(repr=False, default_factory=dict)
 
     def record(self) -> dict[str, Any]:
         """Return the JSON form."""

@@ -81,7 +81,8 @@ def compare(
 
     With --chart it fits every combination of method, number of textures, size and optimizer (--search). For each SOURCE
     it writes NAME.csv with all runs, and two charts as PNG and SVG: NAME_time (error against fitting time) and
-    NAME_cost (error against bytes and fetches). It does not repeat fits that are already in the CSV.
+    NAME_cost (error against bytes and fetches). It does not repeat fits that are
+    already in the CSV, unless you give --force.
     """
     asked = settings.compare
     others = [place for place in asked.sources if not (RESULT.is_at(Path(place)) or EXPORT.is_at(Path(place)))]

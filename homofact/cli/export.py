@@ -31,7 +31,7 @@ def export(
             "--format",
             help=f"Format of the textures: {', '.join(FORMAT_NAMES)}; or html, the page of homofact view."
             " Default: the format of --quantize. If RESULT is itself an export with 8 or 16 bits, its format."
-            " Otherwise exr.",
+            " Otherwise the default of --engine, or exr.",
             show_default=False,
         ),
     ] = None,
@@ -39,7 +39,7 @@ def export(
         str | None,
         typer.Option(
             help="png8 or png16: optimize all 8-bit or 16-bit texels together, instead of rounding each texel."
-            " Texels of a sum of products are always rounded.",
+            " Texels of svd and nmf fits are always rounded.",
             show_default=False,
         ),
     ] = None,

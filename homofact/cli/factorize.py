@@ -113,11 +113,13 @@ def _headline(found: "FactorizeResult") -> str:
 def _next_lines(found: "FactorizeResult") -> list[str]:
     """What to do with a fit that the verdict does not warn of, and which model may do as well."""
     model, own = found.model, found.row.held_out
+    count = found.report["model"]["lobes"] if model is not None else 1
+    lobes = f" --lobes {count}" if count > 1 else ""
     smaller = (
         [
-            f"A GGX model of {model.factorization.nbytes} bytes has smaller errors on the held-out samples: log mse"
+            f"A GGX model of {model.factorization.nbytes} bytes is as good on the held-out samples, or better: log mse"
             f" {figure(model.held_out.log_mse)} instead of {figure(own.log_mse)}, mse {figure(model.held_out.mse)}"
-            f" instead of {figure(own.mse)}. Try --method ggx."
+            f" instead of {figure(own.mse)}. Try --method ggx{lobes}."
         ]
         if model is not None
         else []

@@ -203,8 +203,8 @@ def _one_size_lines(found: "ScenePlan") -> list[str]:
         trusted = " and is trusted" * any(each.tolerance.trusted for each in found.distinct)
         return [f"One size for all: no single representation was found that meets the tolerance{trusted} everywhere."]
     return [
-        f"One size for all: {one.candidate.words} for every material takes {one.bytes} bytes and"
-        f" {fetches_in_words(one.fetches)} per pixel. The plan takes {found.bytes} bytes"
+        f"One size for all: {one.candidate.words} for every material takes {one.bytes} bytes and, on average over the"
+        f" pixels, {fetches_in_words(one.fetches)}. The plan takes {found.bytes} bytes"
         f" ({_less(found.bytes, one.bytes)}) and {fetches_in_words(found.fetches)}."
     ]
 
@@ -216,8 +216,8 @@ def grade_lines(opinions: "Sequence[tuple[str, Opinion | None]]") -> list[str]:
     if graded:
         grades = ", ".join(f"{name} {each.score:.1f} ({each.low:.1f} to {each.high:.1f})" for name, each in graded)
         lines.append(
-            f"Grades that people are expected to give, 1 to 5 (in brackets 90% of studies), identical pictures"
-            f" {identical_grade()}: {grades}."
+            f"Grades that people are expected to give, from 1 to 5 (in brackets the range of 90% of studies): {grades}."
+            f" Identical pictures get {identical_grade()}."
         )
     without = [name for name, each in opinions if each is None]
     if without:
@@ -274,8 +274,8 @@ def _lines(found: "ScenePlan", other: "ScenePlan | None") -> list[str]:
         )
     lines += _one_size_lines(found)
     lines.append(
-        f"Fits made: {found.planning_fits} to choose, and {found.fits - found.planning_fits} more for the larger steps"
-        f" and one size for all; every candidate would take {found.exhaustive_fits}."
+        f"Fits made: {found.planning_fits} for the choices, and {found.fits - found.planning_fits} for the larger steps"
+        f" and one size for all. Fits of all candidates to all materials would be {found.exhaustive_fits}."
     )
     if other is not None:
         against = other.scene.lightings[0]

@@ -114,7 +114,9 @@ def _no_better(plan: "MaterialPlan", best: "Neighbour | None") -> tuple[str, str
     assert plan.outcome is not None
     tried = sum(answer.bytes > plan.outcome.bytes for answer in plan.walk.asked.values())
     less = "hardly a smaller" if best.error < plan.outcome.error else "no smaller"
-    own = f"{plan.walk.kept(best.candidate).words} ({best.bytes} bytes, {_used(best)})"
+    used = _used(best)
+    limit = used if used == _UNTRUSTED else f"{used} of the limit" if used.endswith("%") else f"{used} the limit"
+    own = f"{plan.walk.kept(best.candidate).words} ({best.bytes} bytes, {limit})"
     if tried == 1:
         words = (
             f"none helps: {own} has {less} error, and others of up to {NEAR} × the bytes are expected to gain little"

@@ -99,7 +99,9 @@ def figures_line(verdict: "Verdict") -> str:
         figures.append(f"condition {system.condition:.0e}")
     if verdict.look is not None and verdict.look.left_out >= LEAST_LEFT_OUT:
         figures.append(
-            f"{verdict.look.left_out:.0%} of the pictures' pixels, without samples, were not searched for artefacts"
+            f"artefacts were not looked for in {verdict.look.left_out:.0%} of the rendered pixels, whose directions"
+            f" have"
+            " no samples"
         )
     light = verdict.figures.light
     figures.append(

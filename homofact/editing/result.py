@@ -5,7 +5,7 @@ its sources. A digest in edit.npz detects changes of meshes, materials and light
 """
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -54,11 +54,11 @@ class EditResult:
         The fits that replace files of measurements.
     """
 
-    file: EditSceneFile
-    prepared: PreparedScene
-    report: dict[str, Any]
-    parts: tuple[PartError, ...] = ()
-    fits: tuple[FileFit, ...] = ()
+    file: EditSceneFile = field(repr=False)
+    prepared: PreparedScene = field(repr=False)
+    report: dict[str, Any] = field(repr=False)
+    parts: tuple[PartError, ...] = field(default=(), repr=False)
+    fits: tuple[FileFit, ...] = field(default=(), repr=False)
 
     @property
     def notes(self) -> tuple[str, ...]:

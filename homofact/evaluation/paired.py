@@ -61,7 +61,7 @@ class MethodPair:
         'search against ggx: log_mse lower on 2 of 2 splits, 0.25 to 0.5 times that of ggx'
         """
         parts = [
-            f"{name} lower on {self.lower(name)} of {len(found)} splits, {min(found):.2g} to {max(found):.2g} times"
+            f"{name} lower on {self.lower(name)} of {len(found)} splits, {min(found):.3g} to {max(found):.3g} times"
             f" that of {self.other}"
             for name, found in self.ratios.items()
         ]

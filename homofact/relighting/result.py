@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -67,13 +67,13 @@ class RelightResult:
     """
 
     name: str
-    objects: tuple[RelitObject, ...]
-    sky: PageSky
+    objects: tuple[RelitObject, ...] = field(repr=False)
+    sky: PageSky = field(repr=False)
     cameras: tuple[Camera, ...]
-    report: dict[str, Any]
-    reference: tuple[np.ndarray, ...] | None = None
-    pictures: tuple[np.ndarray, ...] = ()
-    plans: tuple[ObjectPlan, ...] = ()
+    report: dict[str, Any] = field(repr=False)
+    reference: tuple[np.ndarray, ...] | None = field(default=None, repr=False)
+    pictures: tuple[np.ndarray, ...] = field(default=(), repr=False)
+    plans: tuple[ObjectPlan, ...] = field(default=(), repr=False)
     notes: tuple[str, ...] = ()
 
     @classmethod

@@ -205,8 +205,9 @@ def edge_note(plane: GroundTable | None, light: EnvironmentMap) -> tuple[str, ..
     if float((by_row * size)[below].sum() / size[below].sum()) < _BRIGHT_BELOW * mean:
         return ()
     return (
-        f"{light.name} is bright below its horizon too, and this light reaches the objects past the edge of the ground"
-        f" (half = {plane.half:g}): it may end in a horizontal line on them; half = {_WIDE:g} in [ground] keeps it out",
+        f"{light.name} is bright below its horizon too. This light passes the edge of the ground"
+        f" (half = {plane.half:g}) and lights the objects from below, which can show as a horizontal line on them."
+        f" half = {_WIDE:g} in [ground] keeps it out",
     )
 
 

@@ -56,9 +56,7 @@ def _head(atlas: Atlas, link: str) -> str:
     methods = atlas.plan.methods
     warned = [name for name in methods if name in atlas.unstressed and atlas.unstressed[name].said]
     warned_words = (
-        f" The verdicts of {', '.join(warned)} warn even without a stressor, so their fits have no \\*."
-        if warned
-        else ""
+        f" The verdicts of {listed(warned)} warn even without a stressor, so their fits have no \\*." if warned else ""
     )
     rows = "\n".join(_summary(atlas, stressor(name)) for name in atlas.plan.stressors)
     return f"""\

@@ -82,7 +82,7 @@ def test_a_saved_fit_keeps_its_verdict_and_how_its_search_ended(source: Source, 
     assert fit.verdict is not None
     assert back.verdict is not None
     assert (back.verdict.trusted, back.verdict.summary) == (fit.verdict.trusted, fit.verdict.summary)
-    assert [each["name"] for each in back.verdict.findings] == [each.name for each in fit.verdict.findings]
+    assert [each.name for each in back.verdict.findings] == [each.name for each in fit.verdict.findings]
     for quantity, theta in (("albedo", None), ("albedo", 45), ("highlight", None)):
         assert back.interval(quantity, theta) == fit.interval(quantity, theta)
     assert fit.report is not None
@@ -341,6 +341,15 @@ def test_the_bytes_that_a_method_had_to_fill() -> None:
     assert bytes_to_fill(homofact.McCool(size=16)) == 12 * 2 * 16**2
 
 
+def test_a_model_of_two_lobes_is_named_if_one_errs_clearly_more(tmp_path: Path) -> None:
+    wide, narrow = GgxLobe((0.5, 0.4, 0.3), 0.5, 0.05), GgxLobe((0.2, 0.2, 0.2), 0.15, 0.05)
+    file = tmp_path / "list.csv"
+    write_csv(str(file), sample_model(GgxBrdf((0.1, 0.2, 0.3), (wide, narrow)), 600, "lobe", 0))
+    found = homofact.factorize(file, tmp_path / "rough", homofact.McCool(size=4))
+    assert found.report["model"]["lobes"] == 2
+    assert found.report["model"]["bytes"] == 52
+
+
 def test_a_model_that_errs_no_more_than_the_textures_is_named(tmp_path: Path) -> None:
     model = GgxBrdf((0.1, 0.2, 0.3), (GgxLobe((0.5, 0.4, 0.3), 0.4, 0.05),))
     full = sample_model(model, 400, "discs", 0)
@@ -349,9 +358,13 @@ def test_a_model_that_errs_no_more_than_the_textures_is_named(tmp_path: Path) ->
     rough = homofact.factorize(file, tmp_path / "rough", homofact.McCool(size=4))
     assert rough.model is not None
     assert rough.report["model"] == {
-        "method": "ggx", "bytes": 32, "held_out": rough.model.held_out.record(),
+        "method": "ggx", "lobes": 1, "bytes": 32, "held_out": rough.model.held_out.record(),
     }  # fmt: skip
     assert rough.model.held_out.log_mse < rough.row.held_out.log_mse
+    # A result names its folder and its verdict, and not its samples and figures.
+    assert len(repr(rough)) < 1200
+    assert str(rough.folder) in repr(rough)
+    assert rough.row.verdict.summary in repr(rough)
     # Without held-out samples nothing tells which is better.
     whole = homofact.factorize(file, tmp_path / "whole", homofact.McCool(size=4), held_out=0)
     assert whole.model is None

@@ -36,8 +36,8 @@ def test_grades_name_what_could_not_be_graded() -> None:
     good = opinion_table().law.opinion(0.5)
     assert grade_lines([]) == []
     (only,) = grade_lines([("paint", good)])
-    assert only.startswith("Grades that people are expected to give, 1 to 5 (")
-    assert f"identical pictures {identical_grade()}: paint " in only
+    assert only.startswith("Grades that people are expected to give, from 1 to 5 (")
+    assert only.endswith(f" Identical pictures get {identical_grade()}.")
     low, high = opinion_table().law.interval(opinion_table().law.opinion(0).score)
     assert identical_grade().endswith(f"({low:.1f} to {high:.1f})")
     assert "paint" in only

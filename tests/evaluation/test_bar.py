@@ -192,7 +192,7 @@ def test_light_in_unmeasured_directions_is_named_where_it_is_more_than_the_bar()
     assert "75°" in found.extrapolated_sentence()
     # The sentence states the limit of the other angles, and names this one.
     assert f"within {percent(max(bar.error or 0 for bar in found.by_angle[:-1]))} at " in found.sentence()
-    assert f"° and within {percent(wrong.error or 0)} at 75° (partly extrapolated)" in found.sentence()
+    assert f"° and within {percent(wrong.error or 0)} at 60–75° (partly extrapolated)" in found.sentence()
     assert "extrapolated" not in whole.sentence()
     assert found.interval("albedo", 75).unmeasured == wrong.unmeasured
     again = ErrorBars.of_record(found.record())
@@ -206,7 +206,7 @@ def test_bars_end_where_the_measurement_ends() -> None:
     assert found.interval("albedo", 45).error is not None
     beyond = found.interval("albedo", 70)
     assert (beyond.kind, beyond.error) == (BarKind.WITHDRAWN, None)
-    assert "beyond is extrapolation" in beyond.reason
+    assert "0–60°" in beyond.reason
     assert "beyond is extrapolation" in found.sentence()
 
 
@@ -272,6 +272,9 @@ def test_a_fit_states_its_interval_and_so_does_its_report() -> None:
     recorded = RecordedVerdict.of(fit.verdict.record())  # type: ignore[attr-defined]
     assert recorded is not None
     assert replace(fit, verdict=recorded).interval("albedo", 40) == bar
+    kept = [(each.name, each.about, each.found, each.remedy, each.cost) for each in fit.verdict.findings]
+    assert kept
+    assert [(each.name, each.about, each.found, each.remedy, each.cost) for each in recorded.findings] == kept
     with refused(where="interval"):
         homofact.Fit(fit.factorization).interval()
     broken = RecordedVerdict.of({"trusted": True, "bars": {"all": [{"kind": "sure"}]}})
@@ -339,4 +342,5 @@ def test_extrapolated_angles_between_others_are_named_apart() -> None:
         for at, (error, share) in errors.items()
     )
     bars = ErrorBars((ErrorBar("albedo", BarKind.RIGHT, 0.04, 0.9, (0.0, 60.0)),), by_angle)
-    assert "within 4% at 0–30° and 60° and within 3% at 45° (partly extrapolated)" in bars.sentence()
+    # Between 45° and 60° the limit rises to that of 60°.
+    assert "within 4% at 0–30° and 60° and within 4% at 30–60° (partly extrapolated)" in bars.sentence()

@@ -136,8 +136,8 @@ def doubted(angle: TiltAngle, law: str) -> TiltAngle:
         )
     elif angle.undone > (1 - LEAST_GAIN) * angle.misfit:
         reason = (
-            f"a tilt of {angle.degrees:+.3f}° ({span}) is possible, but undoing it lowers the error by only"
-            f" {1 - angle.undone / angle.misfit:.1%} (from {angle.misfit:.2%}), expected at least {LEAST_GAIN:.0%}"
+            f"undoing a tilt of {angle.degrees:+.3f}° ({span}) lowers the error by only"
+            f" {1 - angle.undone / angle.misfit:.1%}, expected at least {LEAST_GAIN:.0%}"
         )
     elif angle.misfit**2 - angle.undone**2 < angle.own**2:
         reason = (

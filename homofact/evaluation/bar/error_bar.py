@@ -188,7 +188,7 @@ class ErrorBars:
         if not 0 <= theta <= 90:
             raise BadInput(where="theta", found=f"{theta:g}", expected="from 0 to 90 degrees")
         if not bar.degrees[0] <= theta <= bar.degrees[1]:
-            reason = f"measured {bar.degrees[0]:.0f}–{bar.degrees[1]:.0f}°; beyond is extrapolation"
+            reason = f"the error bars are for incidence angles of {bar.degrees[0]:.0f}–{bar.degrees[1]:.0f}°"
             return ErrorBar(quantity, BarKind.WITHDRAWN, None, bar.rate, (theta, theta), reason)
         below = [each for each in self.by_angle if each.degrees[0] <= theta] or [self.by_angle[0]]
         above = [each for each in self.by_angle if each.degrees[0] >= theta] or [self.by_angle[-1]]
@@ -241,11 +241,11 @@ class ErrorBars:
         relied_on = [bar for bar in self.by_angle if bar not in extrapolated]
         if not extrapolated or not relied_on or albedo.error is None or any(bar.error is None for bar in relied_on):
             return albedo.words()
-        error = max(bar.error or 0.0 for bar in relied_on)
-        angles, others = (_angles(some, self.by_angle) for some in (relied_on, extrapolated))
-        found = f"{WORDS[albedo.quantity]} within {percent(error)} at {angles}"
-        beyond = max(bar.error or 0.0 for bar in extrapolated)
-        return f"{found} and within {percent(beyond)} at {others} (partly extrapolated)"
+        within = []
+        for runs in (_runs(relied_on, self.by_angle), _with_neighbours(extrapolated, self.by_angle)):
+            error = max(bar.error or 0.0 for run in runs for bar in run)
+            within.append(f"within {percent(error)} at {listed([_range(run) for run in runs])}")
+        return f"{WORDS[albedo.quantity]} {' and '.join(within)} (partly extrapolated)"
 
     def by_angle_sentence(self) -> str:
         """Return a sentence that lists the angles of incidence at which the fit is good or bad.
@@ -310,19 +310,28 @@ def _grade(bar: ErrorBar) -> str:
     return "unknown" if bar.error is None else "good" if bar.error <= GOOD["albedo"] else "bad"
 
 
-def _angles(some: Sequence[ErrorBar], every: Sequence[ErrorBar]) -> str:
-    """The angles of some bars, those that follow each other among all as a range: "0–45° and 75°"."""
-    runs: list[list[ErrorBar]] = []
-    for before, bar in zip((None, *every), every, strict=False):
+def _runs(some: Sequence[ErrorBar], every: Sequence[ErrorBar]) -> list[Sequence[ErrorBar]]:
+    """Return the bars of `some` in runs of bars that follow each other in `every`."""
+    runs: list[list[int]] = []
+    for k, bar in enumerate(every):
         if bar in some:
-            if before is not None and runs and runs[-1][-1] is before:
-                runs[-1].append(bar)
+            if runs and runs[-1][-1] == k - 1:
+                runs[-1].append(k)
             else:
-                runs.append([bar])
-    return listed([_range(run) for run in runs])
+                runs.append([k])
+    return [every[run[0] : run[-1] + 1] for run in runs]
 
 
-def _range(run: list[ErrorBar]) -> str:
+def _with_neighbours(some: Sequence[ErrorBar], every: Sequence[ErrorBar]) -> list[Sequence[ErrorBar]]:
+    """Return the runs of `_runs`, each with the angle before and after it: limits between two angles are of both."""
+    runs = []
+    for run in _runs(some, every):
+        first, last = every.index(run[0]), every.index(run[-1])
+        runs.append(every[max(first - 1, 0) : last + 2])
+    return runs
+
+
+def _range(run: Sequence[ErrorBar]) -> str:
     first, last = run[0].degrees[0], run[-1].degrees[1]
     return f"{first:.0f}°" if first == last else f"{first:.0f}–{last:.0f}°"
 

@@ -79,6 +79,16 @@ class Finding:
             "advice": None if self.advice is None else self.advice.record(),
         }
 
+    @classmethod
+    def of_record(cls, record: Any) -> "Finding | None":
+        """Return the finding of a JSON record; None if the record is invalid."""
+        try:
+            words = (str(record["name"]), About(record["about"]), str(record["found"]), str(record["remedy"]))
+            cost = None if record["cost"] is None else float(record["cost"])
+            return cls(*words, Advice.of_record(record["advice"]), cost=cost)
+        except (KeyError, TypeError, ValueError):
+            return None
+
 
 def ordered(findings: list[Finding]) -> tuple[Finding, ...]:
     """Return the findings on the fit, then the data, then missing measurements, each sorted by falling cost."""

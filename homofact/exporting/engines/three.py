@@ -55,7 +55,7 @@ def _files(made: Exported) -> Added:
     }
     called = name_of(made.stored.provenance)
     package = {
-        "name": package_name(called),
+        "name": package_name(called, str(made.stored.provenance.get("method", ""))),
         "version": "1.0.0",
         "description": f"The BRDF of {called} as a three.js material, by homofact {__version__}",
         "type": "module",
@@ -67,6 +67,7 @@ def _files(made: Exported) -> Added:
     names = {
         "NAME": in_markdown(called), "PACKAGE": package["name"], "VERSION": __version__, "ERRORS": light.off(),
         "NOTES": fit_notes(made), "TANGENTS": "" if isotropic else _TANGENTS,
+        "CONTENTS": _CONTENTS if made.names else _CONTENTS_OF_MODEL,
     }  # fmt: skip
     return Added(
         {
@@ -81,6 +82,14 @@ def _files(made: Exported) -> Added:
     )
 
 
+_CONTENTS = (
+    "`index.js` contains the shader and the texels. The textures, `manifest.json` and `brdf.*` are for loaders of your"
+    " own."
+)
+_CONTENTS_OF_MODEL = (
+    "`index.js` contains the shader with the parameters of the model. `manifest.json` and `brdf.*` are for loaders of"
+    " your own."
+)
 _TANGENTS = """
 The fit is anisotropic. It has the x axis of its source (azimuth φ = 0) along the tangent t, and its y axis (φ = 90°)
 along n × t. The tangent is the direction of increasing longitude around the object's y axis. To use the tangents of the
@@ -106,9 +115,10 @@ def page(called: str) -> str:
     )
 
 
-def package_name(called: str) -> str:
-    """Return a valid npm package name: lowercase letters, digits and hyphens."""
-    return "homofact-" + (re.sub("[^a-z0-9]+", "-", called.lower()).strip("-") or "brdf")[:100]
+def package_name(called: str, method: str = "") -> str:
+    """Return a valid npm package name: lowercase letters, digits and hyphens, with the method unless it is a search."""
+    words = called if method in ("", "search") else f"{called} {method}"
+    return "homofact-" + (re.sub("[^a-z0-9]+", "-", words.lower()).strip("-") or "brdf")[:100]
 
 
 THREE = Engine(

@@ -99,7 +99,7 @@ function showStatus(view) {
 /** The error against the reference where there is one for this light and camera, and the light below zero. */
 function showError(view, statistics) {
   const { reference } = view;
-  by("below").textContent = `Negative residues hold ${percent(statistics.below)} of the light at the vertices that face the camera; they are drawn black${view.state.signal ? ", and in magenta where below −1/255 of white" : ""}.`;
+  by("below").textContent = `Light below zero: ${percent(statistics.below)} of the light at the vertices that face the camera, drawn black${view.state.signal ? ", and in magenta where below −1/255 of white" : ""}.`;
   by("show-field").hidden = !reference;
   by("go-reference").hidden = !reference || view.atReference;
   if (!reference) {

@@ -140,6 +140,9 @@ def test_npm_takes_the_folder(tmp_path: Path) -> None:
 def test_names_are_npms_and_texts_are_harmless() -> None:
     assert package_name("Größe </script> *Blue*") == "homofact-gr-e-script-blue"
     assert package_name("§") == "homofact-brdf"
+    # Exports of two methods can be installed side by side.
+    assert package_name("paint.csv", "ggx") == "homofact-paint-csv-ggx"
+    assert package_name("paint.csv", "search") == "homofact-paint-csv"
     fit = isotropic()
     fit.provenance["source"] = {"file": "a`${b}</script><b>.brdf"}
     files = THREE.add(exported(fit, format_named("exr16"))).files
