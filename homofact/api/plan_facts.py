@@ -64,10 +64,10 @@ def _rows(found: Mapping[str, Any]) -> dict[str, Any]:
     }
     for name, each in zip(names, distinct, strict=True):
         rows[f"material {name}"] = _choice(each)
-        for step in ("smaller", "larger"):
+        for step in ("far_smaller", "smaller", "larger"):
             # Plans of earlier versions do not have them.
             if each.get(step) is not None:
-                rows[f"{step} {name}"] = _step(each[step])
+                rows[f"{step.replace('_', ' ')} {name}"] = _step(each[step])
     for name, each in zip(names, distinct, strict=True):
         if each["verdict"] is not None:
             rows[f"verdict on {name}"] = each["verdict"]["summary"]

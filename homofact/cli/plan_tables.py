@@ -69,7 +69,7 @@ def fetches_in_words(fetches: float) -> str:
 
 def step_table(found: "ScenePlan") -> Table | None:
     """Return the errors of smaller and larger representations of each material; None if there are none."""
-    from homofact.planning.neighbours import best_larger, larger, smaller, sufficient
+    from homofact.planning.neighbours import best_larger, far_smaller, larger, smaller, sufficient
 
     table = plain_table("One step smaller or larger")
     add_names(table, longest=max(len(name_of(each)) for each in found.materials))
@@ -79,7 +79,9 @@ def step_table(found: "ScenePlan") -> Table | None:
     for each in found.distinct:
         name: str | Text = name_of(each)
         up, enough = larger(each), sufficient(each)
-        steps = [("smaller", smaller(each)), ("larger", up)]
+        down, far = smaller(each), far_smaller(each)
+        steps = [("far smaller", far)] if far is not None and far != down else []
+        steps += [("smaller", down), ("larger", up)]
         # The budget may rule out what would meet the tolerance.
         if enough is not None and enough != up:
             steps.append(("within the limit", enough))

@@ -19,6 +19,9 @@ from homofact.planning.search import LadderOutcome, expected_errors
 # A larger representation is a step where its error falls at least to this part of the choice's. One that was only
 # expected to is named for at most so many times the bytes.
 CLEARLY, NEAR = 0.9, 16
+# If the choice misses the tolerance, one of at most this part of its bytes is named whose error is at most so many
+# times as large: both miss, and the bytes buy little.
+FAR_FEWER, ALIKE = 1 / 8, 1.5
 # How many larger representations are fitted for a material, at most, to find one that errs less.
 TRIES = 2
 
@@ -57,6 +60,23 @@ def smaller(plan: MaterialPlan) -> Neighbour | None:
         return None
     error, size, rung, trusted = min(below)
     return Neighbour(rung, size, error, True, trusted)
+
+
+def far_smaller(plan: MaterialPlan) -> Neighbour | None:
+    """Return the smallest measured representation that misses the tolerance little more than a choice that misses it.
+
+    It has at most `FAR_FEWER` of the choice's bytes and at most `ALIKE` times its error. Returns None if the choice
+    meets the tolerance or there is none.
+    """
+    chosen = plan.outcome
+    if chosen is None or plan.walk.met:
+        return None
+    found = [
+        Neighbour(rung, answer.bytes, answer.error, True, answer.trusted)
+        for rung, answer in plan.walk.asked.items()
+        if answer.bytes <= FAR_FEWER * chosen.bytes and answer.error <= ALIKE * chosen.error and _allowed(plan, answer)
+    ]
+    return min(found, key=lambda one: (one.bytes, one.error), default=None)
 
 
 def larger(plan: MaterialPlan) -> Neighbour | None:

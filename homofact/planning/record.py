@@ -6,7 +6,7 @@ from typing import Any
 
 from homofact.planning.ladder import Candidate
 from homofact.planning.missed import missed_by_all
-from homofact.planning.neighbours import Neighbour, best_larger, larger, smaller
+from homofact.planning.neighbours import Neighbour, best_larger, far_smaller, larger, smaller
 from homofact.planning.plan import MaterialPlan, ScenePlan
 from homofact.planning.search import LadderOutcome
 from homofact.planning.theory import colour_error, terms_needed
@@ -67,6 +67,7 @@ def material_record(plan: MaterialPlan) -> dict[str, Any]:
         "trusted": _trusted(plan),
         "of_tolerance": None if outcome is None else finite(outcome.error),
         "missed_by": finite(plan.missed_by),
+        "far_smaller": _step(plan, far_smaller(plan)),
         "smaller": _step(plan, smaller(plan)),
         "larger": _step(plan, larger(plan)),
         "best_larger": _step(plan, best_larger(plan)),

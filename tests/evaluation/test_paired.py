@@ -10,7 +10,7 @@ from homofact.brdf.log_transform import LogTransform
 from homofact.brdf.samples import Samples
 from homofact.brdf.source import open_source
 from homofact.evaluation.compare import ComparisonRow, fit_and_measure
-from homofact.evaluation.paired import ErrorRatio, error_ratios, split_by_split
+from homofact.evaluation.paired import ErrorRatio, MethodPair, error_ratios, split_by_split
 from homofact.evaluation.repeats import RepeatedRows
 from homofact.factor.factorization import Factorization
 from homofact.methods.mccool import McCool
@@ -45,6 +45,8 @@ def test_each_split_gives_one_ratio(row: ComparisonRow) -> None:
     assert (pair.lower("log_mse"), pair.lower("mse")) == (1, 1)
     assert (pair.spread("log_mse").low, pair.spread("log_mse").high) == (0.8, 2.0)
     assert "log_mse lower on 1 of 3 splits, 0.8 to 2 times" in pair.words
+    # A ratio just above 1 is not written as 1.
+    assert "0.38 to 1.02 times" in MethodPair("a", "b", {"mse": (0.38, 1.017)}).words
     record = pair.record()
     assert record["errors"]["log_mse"] == {"ratios": [2.0, 2.0, 0.8], "lower_on": 1, "splits": 3}
 

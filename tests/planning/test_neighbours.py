@@ -11,6 +11,7 @@ from homofact.planning.neighbours import (
     CLEARLY,
     TRIES,
     best_larger,
+    far_smaller,
     larger,
     measure_larger,
     smaller,
@@ -157,6 +158,26 @@ def test_what_meets_a_missed_tolerance_beyond_the_budget_is_named() -> None:
     assert sufficient(missed) is None
 
 
+def test_a_far_smaller_one_that_misses_hardly_more_is_named() -> None:
+    colour, model = COLOUR, MODELS[0]
+    dearest = Candidate("search", 2, 32, "png8")
+    missed = plan_of({colour: 9.0, model: 1.5, SMALL: 1.3, dearest: 1.1}, dearest)
+    missed.walk.met = False
+    found = far_smaller(missed)
+    assert found is not None
+    assert (found.candidate, found.bytes, found.error, found.measured) == (model, model.most_bytes(3), 1.5, True)
+    table = step_table(ScenePlan(None, (missed,), None, 2, 2, 60))  # pyright: ignore[reportArgumentType]
+    assert table is not None
+    assert list(table.columns[1].cells)[:2] == ["far smaller", "smaller"]
+    # A little too far off; too many bytes; and a choice that meets the tolerance needs none.
+    for asked in ({colour: 9.0, model: 1.66, dearest: 1.1}, {Candidate("search", 1, 32, "png8"): 1.2, dearest: 1.1}):
+        other = plan_of(asked, dearest)
+        other.walk.met = False
+        assert far_smaller(other) is None
+    missed.walk.met = True
+    assert far_smaller(missed) is None
+
+
 def test_the_table_of_steps_names_it_in_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     def lines(asked: dict[Candidate, float], choice: Candidate = CHOSEN) -> list[str]:
         plan = plan_of(asked, choice)
@@ -168,8 +189,8 @@ def test_the_table_of_steps_names_it_in_figures(monkeypatch: pytest.MonkeyPatch)
 
     assert lines({SMALL: 1.5, CHOSEN: 0.7, LARGE: 0.8}) == [
         "larger",
-        "none helps: 1 texture of 16², 8 bits (search) (768 bytes, 80%) has no smaller error, and others of up to 16 ×"
-        " the bytes are expected to gain little",
+        "none helps: 1 texture of 16², 8 bits (search) (768 bytes, 80% of the limit) has no smaller error, and"
+        " others of up to 16 × the bytes are expected to gain little",
         "–", "–",
     ]  # fmt: skip
     # What was not tried has no figures.
