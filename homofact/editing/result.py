@@ -96,7 +96,7 @@ class EditResult:
             "scene": self.file.record(target),
             "report": self.report,
         }
-        write_scene_folder(target, PREPARED, archive, record, self.pictures, force, self.fits)
+        write_scene_folder(target, PREPARED, archive, record, self.pictures, self.file.cameras, force, self.fits)
 
 
 def pictures(prepared: PreparedScene) -> list[np.ndarray]:

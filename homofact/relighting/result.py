@@ -132,7 +132,7 @@ class RelightResult:
             save_scene(file, self)
 
         fits = {each.fit.name: each.fit for each in self.objects if each.fit is not None}
-        write_scene_folder(Path(folder), RELIT, archive, self.report, self.pictures, force, fits.values())
+        write_scene_folder(Path(folder), RELIT, archive, self.report, self.pictures, self.cameras, force, fits.values())
 
 
 def distinct_names(names: Sequence[str]) -> list[str]:

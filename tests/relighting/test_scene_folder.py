@@ -20,20 +20,35 @@ from homofact.relighting.page.relit_page import write_relit_page
 from homofact.relighting.relight import Relit
 from homofact.relighting.result import RelightResult, open_relit
 from homofact.scene.cameras import Camera
+from homofact.scene.folders import picture_names
 
 pytestmark = pytest.mark.usefixtures("decomposed_once")
+
+
+@pytest.mark.parametrize(
+    ("given", "written"),
+    [
+        (["A", None, "b c"], ["a", "2", "b-c"]),
+        (["left", "Left", None], ["1", "2", "3"]),
+        (["2", None], ["1", "2"]),
+        (["§", "../x"], ["1", "x"]),
+    ],
+)
+def test_pictures_have_the_names_of_their_cameras(given: list[str | None], written: list[str]) -> None:
+    cameras = [Camera((0.0, 0.0, 3.0), name=name) for name in given]
+    assert picture_names(cameras) == [f"picture_{word}.png" for word in written]
 
 
 def test_a_folder_holds_everything_and_comes_back(ready: RelightScene, tmp_path: Path) -> None:
     objects = relit_objects(ready)
     shown = np.full((4, 5, 3), 77, np.uint8)
-    cameras = (*ready.file.cameras, Camera((1.0, 2.0, 3.0), (0.1, 0.2, 0.3), 33.0, (31, 17)))
+    cameras = (*ready.file.cameras, Camera((1.0, 2.0, 3.0), (0.1, 0.2, 0.3), 33.0, (31, 17), "Front view"))
     scene = replace(ready.file, cameras=cameras)
     reference = [np.full((len(each.mesh.positions), 3), number + 0.5) for number, each in enumerate(objects)]
     reference[1][3] = np.nan
     RelightResult.of(scene, objects, {"bytes": 7}, [shown, shown], reference).save(tmp_path / "out")
     names = sorted(each.name for each in (tmp_path / "out").iterdir())
-    assert names == ["picture_1.png", "picture_2.png", "relight.json", "relight.npz"]
+    assert names == ["picture_1.png", "picture_front-view.png", "relight.json", "relight.npz"]
     found = open_relit(tmp_path / "out")
     assert found.report == {"bytes": 7}
     assert found.cameras == cameras
