@@ -68,6 +68,8 @@ def _rows(found: Mapping[str, Any]) -> dict[str, Any]:
             # Plans of earlier versions do not have them.
             if each.get(step) is not None:
                 rows[f"{step.replace('_', ' ')} {name}"] = _step(each[step])
+            elif step == "larger" and each.get("best_larger") is not None:
+                rows[f"larger {name}"] = "none helps: no larger one that was tried has a clearly smaller error"
     for name, each in zip(names, distinct, strict=True):
         if each["verdict"] is not None:
             rows[f"verdict on {name}"] = each["verdict"]["summary"]

@@ -274,8 +274,8 @@ def _lines(found: "ScenePlan", other: "ScenePlan | None") -> list[str]:
         )
     lines += _one_size_lines(found)
     lines.append(
-        f"Fits made: {found.planning_fits} for the choices, and {found.fits - found.planning_fits} for the larger steps"
-        f" and one size for all. Fits of all candidates to all materials would be {found.exhaustive_fits}."
+        f"Fits made: {found.planning_fits} to find the choices, then {found.fits - found.planning_fits} for the rest of"
+        f" this output. To fit every candidate to every material, {found.exhaustive_fits} fits would be needed."
     )
     if other is not None:
         against = other.scene.lightings[0]

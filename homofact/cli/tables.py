@@ -252,13 +252,13 @@ def mean_table(rows: "Sequence[MeanRow]") -> Table:
     fits = max(row.fits for row in rows)
     upto = "" if all(row.fits == fits for row in rows) else "up to "
     counts = f", each of {upto}{counted(fits, 'fit')}" if fits > 1 else " (one fit each)"
-    table = plain_table(f"Mean ± standard deviation by method and bytes{counts}")
+    table = plain_table(f"Means and standard deviations (±) by method and bytes{counts}")
     add_names(table)
     add_figures(table, "bytes", "fits")
     add_names(table, "metric")
     over_sources = any(row.sources > 1 for row in rows)
     within = not over_sources or any(value is not None for row in rows for value in row.within_source.values())
-    heads = {"± sources": over_sources, "± fits": within}
+    heads = {"± between sources": over_sources, "± fits of a source" if over_sources else "±": within}
     add_figures(table, "mean", *(head for head, shown in heads.items() if shown))
     for row in rows:
         about = [Text(row.method), str(row.nbytes), str(row.fits)]

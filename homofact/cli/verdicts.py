@@ -107,15 +107,15 @@ def figures_line(verdict: "Verdict") -> str:
     figures.append(
         f"brightest sample {figure(light.peak)} sr⁻¹ at {light.peak_where}, there the fit has {figure(light.peak_fit)}"
     )
-    figures += [f"albedo up to {figure(verdict.figures.light.albedo)}", f"misplaced light {errors.misplaced:.1%}"]
+    light_at = f"albedo up to {figure(light.albedo)} (at θi {light.albedo_at:g}°)"
+    figures += [light_at, f"misplaced light {errors.misplaced:.1%}"]
     return f"Figures of the verdict: {', '.join(figures)}"
 
 
 def brief_lines(verdicts: Mapping[str, "Verdict"]) -> list[str]:
     """Return one line per fit: its label, its error bars, and the names of findings that widen them."""
-    width = max(map(len, verdicts))
     return [
-        f"Verdict on {f'{label}:':{width + 1}} {verdict.summary}"
+        f"Verdict on {label}: {verdict.summary}"
         + findings_named([each.name for each in verdict.findings if each.costs])
         for label, verdict in verdicts.items()
     ]

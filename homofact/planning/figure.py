@@ -157,8 +157,8 @@ def _asked(axes: Axes, distinct: tuple[MaterialPlan, ...], is_trusted: bool) -> 
     # The key stands above the highest point.
     log_y(axes, min(errors) / 1.8, max(errors) * (max(errors) / min(errors)) ** 0.3 * 1.8, fewest=3)
     axes.set_xlabel("bytes of one material")
-    trusted = f"\n(drawn at {UNTRUSTED:g} if within it, but not trusted)" if is_trusted else ""
-    axes.set_ylabel(f"error over tolerance, margin included{trusted}")
+    trusted = f"\n(a fit that meets it but is not trusted is drawn at {UNTRUSTED:g})" if is_trusted else ""
+    axes.set_ylabel(f"error divided by the tolerance, margin included{trusted}")
     far = sum(len(plan.walk.asked) - len(_near(plan)) for plan in distinct)
     beyond = f" ({far} of them, with an error above {_MOST:,.0f}, left out)" if far else ""
     axes.set_title(f"Candidates that were tried{beyond}", fontsize=9.5)

@@ -19,8 +19,7 @@ from homofact.planning.search import LadderOutcome, expected_errors
 # A larger representation is a step where its error falls at least to this part of the choice's. One that was only
 # expected to is named for at most so many times the bytes.
 CLEARLY, NEAR = 0.9, 16
-# If the choice misses the tolerance, one of at most this part of its bytes is named whose error is at most so many
-# times as large: both miss, and the bytes buy little.
+# A far smaller representation has at most this part of the choice's bytes, and an error of at most so many limits.
 FAR_FEWER, ALIKE = 1 / 8, 1.5
 # How many larger representations are fitted for a material, at most, to find one that errs less.
 TRIES = 2
@@ -63,18 +62,20 @@ def smaller(plan: MaterialPlan) -> Neighbour | None:
 
 
 def far_smaller(plan: MaterialPlan) -> Neighbour | None:
-    """Return the smallest measured representation that misses the tolerance little more than a choice that misses it.
+    """Return the smallest measured representation that misses the tolerance by little; None if there is none.
 
-    It has at most `FAR_FEWER` of the choice's bytes and at most `ALIKE` times its error. Returns None if the choice
-    meets the tolerance or there is none.
+    It has at most `FAR_FEWER` of the choice's bytes. Its error is at most `ALIKE` times the limit, or the choice's
+    error
+    if the choice misses the limit.
     """
     chosen = plan.outcome
-    if chosen is None or plan.walk.met:
+    if chosen is None:
         return None
+    most = ALIKE * max(chosen.error, 1.0)
     found = [
         Neighbour(rung, answer.bytes, answer.error, True, answer.trusted)
         for rung, answer in plan.walk.asked.items()
-        if answer.bytes <= FAR_FEWER * chosen.bytes and answer.error <= ALIKE * chosen.error and _allowed(plan, answer)
+        if answer.bytes <= FAR_FEWER * chosen.bytes and answer.error <= most and _allowed(plan, answer)
     ]
     return min(found, key=lambda one: (one.bytes, one.error), default=None)
 

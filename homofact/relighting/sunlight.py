@@ -77,7 +77,7 @@ class Sun:
     def describe(self) -> str:
         """Describe the sun's elevation and diameter in degrees."""
         up = math.degrees(math.asin(float(self.direction[1])))
-        return f"{up:.0f}° high and {2 * math.degrees(self.radius):.1f}° wide"
+        return f"{up:.0f}° above the horizon, {2 * math.degrees(self.radius):.1f}° in diameter"
 
     def record(self) -> dict[str, object]:
         """The JSON form."""

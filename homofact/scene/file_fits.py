@@ -58,7 +58,7 @@ class FileFit:
         held_out, sky = self.errors["held_out"], self.errors["sky"]
         shown = "" if sky is None else f", a sphere under a sky off by {sky:.1%}"
         sizes = shapes([texture.size for texture in self.fit.textures])
-        fit = f"{Path(words).name}: replaced by a fit with textures of {sizes} texels, {self.fit.nbytes} bytes"
+        fit = f"{Path(words).name}: replaced by a fit (textures: {sizes} texels, {self.fit.nbytes} bytes)"
         verdict = "" if self.verdict is None else f". Verdict on the fit: {self.verdict}"
         return f"{fit}, mean absolute log error (log_mae) {held_out:.3f} on held-out samples{shown}{verdict}"
 

@@ -109,7 +109,7 @@ def source_layer(reflectance: Reflectance, facts: Facts = (), seed: int = 0) -> 
     """
     table, samples = source_table(reflectance, seed=seed), interpolated_samples(reflectance)
     measured = None if samples is None else samples.largest_angle
-    kept = f"a table, {table.size}" if samples is None else f"{len(samples)} samples, drawn from a table, {table.size}"
+    kept = f"a table, {table.size}" if samples is None else f"{len(samples)} samples, shown by a table, {table.size}"
     facts = (*facts, ("Textures", kept))
     return Layer(SOURCE, "Source", table.glsl(SOURCE), (), facts, table, measured)
 

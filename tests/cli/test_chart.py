@@ -17,6 +17,7 @@ from ran import Ran
 import homofact.brdf.source
 import homofact.evaluation.chart
 from homofact.evaluation.compare import fit_and_measure
+from homofact.evaluation.wording import brief_figure
 
 SMALL = ["material:blinn-phong-50", "--count", "200"]
 FAST = ["--size", "3,4", "--textures", "1", "--restarts", "1", "--search-size", "3", "--search-samples", "60"]
@@ -45,7 +46,7 @@ def test_each_source_gets_its_charts_and_its_file(
     names = {f"{name}{ending}" for name in ("blinn-phong-50", "lafortune-clay") for ending in FILES - {"csv"}}
     names |= {"blinn-phong-50.csv", "lafortune-clay.csv"}
     assert {path.name for path in out.iterdir()} == names
-    for word in ("mccool", "cole", "of McCool", "held-out Cole error, ε = 1e-05", str(out / "lafortune-clay_cost.svg")):
+    for word in ("mccool", "cole", "McCool", "held-out Cole error, ε = 1e-05", str(out / "lafortune-clay_cost.svg")):
         assert word in ran.out
     assert all(len(line) <= 80 for line in ran.out.splitlines() if str(tmp_path) not in line)
     assert "…" not in ran.out
@@ -93,7 +94,7 @@ def test_seeds_are_lines_of_the_csv_and_one_of_the_table(chart: Callable[..., Ra
     assert [(line["seed"], line["split_seed"]) for line in found] == [("5", "5"), ("6", "5")]
     errors = [float(line["held_out_log_mse"]) for line in found]
     assert f"{sum(errors) / 2:.3g}" in ran.out
-    assert f"± {abs(errors[0] - errors[1]) / 2**0.5:.3g}" in ran.out
+    assert f"±{brief_figure(abs(errors[0] - errors[1]) / 2**0.5)}" in ran.out
     assert chart(*SMALL, *FAST, "--seeds", 0, "--chart", tmp_path).code == 2
 
 

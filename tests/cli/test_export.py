@@ -180,7 +180,7 @@ def test_the_table_and_the_files_are_on_the_screen(result: Path, tmp_path: Path,
         "fetches",
         "brdf.wgsl",
         "texture_1.exr",
-        "bytes of graphics memory",
+        "bytes of textures in graphics memory",
         "homofact_sample",
     ):
         assert words in shown, words
@@ -323,7 +323,7 @@ def test_an_engine_gets_its_files_and_the_likeness_of_a_look_alike_is_said(
     streams = capsys.readouterr()
     shown = " ".join(streams.out.split())
     assert f"a sum of 3 closures with tables of {off.closures.nbytes} bytes." in shown
-    assert "A sphere is off by 2.0% (a sky), 17.0% (a sun), relative RMS" in shown
+    assert "A sphere under a sky differs from the fit by 2.0% (a sky), 17.0% (a sun), relative RMS" in shown
     assert "the closures hold this material's lobes within 17% only; the Mitsuba plugin shows" in streams.err
     names = {path.name for path in (tmp_path / "out").iterdir()}
     assert {"brdf_blender.py", "notes.txt"} <= names

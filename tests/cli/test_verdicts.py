@@ -19,7 +19,7 @@ def test_findings_follow_the_sentence_as_such() -> None:
     assert set(costly) <= names(tilted)
     sound = verdict(seen=seen())
     assert brief_lines({"a": tilted, "longer": sound}) == [
-        f"Verdict on a:      {tilted.summary} (findings: {', '.join(costly)})", f"Verdict on longer: {sound.summary}",
+        f"Verdict on a: {tilted.summary} (findings: {', '.join(costly)})", f"Verdict on longer: {sound.summary}",
     ]  # fmt: skip
     every = ", ".join(each.name for each in tilted.findings)
     assert page._verdict({"verdict": tilted.record()})[0] == ("Verdict", f"{tilted.summary} (findings: {every})")

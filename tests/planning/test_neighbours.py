@@ -169,13 +169,15 @@ def test_a_far_smaller_one_that_misses_hardly_more_is_named() -> None:
     table = step_table(ScenePlan(None, (missed,), None, 2, 2, 60))  # pyright: ignore[reportArgumentType]
     assert table is not None
     assert list(table.columns[1].cells)[:2] == ["far smaller", "smaller"]
-    # A little too far off; too many bytes; and a choice that meets the tolerance needs none.
+    # A little too far off; too many bytes.
     for asked in ({colour: 9.0, model: 1.66, dearest: 1.1}, {Candidate("search", 1, 32, "png8"): 1.2, dearest: 1.1}):
         other = plan_of(asked, dearest)
         other.walk.met = False
         assert far_smaller(other) is None
-    missed.walk.met = True
-    assert far_smaller(missed) is None
+    # Of a choice that meets the tolerance, one that misses it by at most a half.
+    for error, named in ((1.5, True), (1.51, False)):
+        met = plan_of({colour: 9.0, model: error, dearest: 0.9}, dearest)
+        assert (far_smaller(met) is not None) is named
 
 
 def test_the_table_of_steps_names_it_in_figures(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -84,7 +84,7 @@ def test_a_visible_plan_states_the_grade_and_no_light(tmp_path: Path, capsys: py
     assert clay["opinion"] == opinion_table().law.opinion(clay["error"]).record()
     assert main(command) == 0
     printed = " ".join(capsys.readouterr().out.split())
-    assert "people are expected to give, 1 to 5 (in brackets 90% of studies), identical pictures 4.4 (" in printed
+    assert "Identical pictures get 4.4 (" in printed
     assert "so the scene's lighting does not change this plan" in printed
 
 

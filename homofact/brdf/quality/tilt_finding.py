@@ -135,10 +135,9 @@ def doubted(angle: TiltAngle, law: str) -> TiltAngle:
             " which no tilt explains"
         )
     elif angle.undone > (1 - LEAST_GAIN) * angle.misfit:
-        reason = (
-            f"undoing a tilt of {angle.degrees:+.3f}° ({span}) lowers the error by only"
-            f" {1 - angle.undone / angle.misfit:.1%}, expected at least {LEAST_GAIN:.0%}"
-        )
+        gain = 1 - angle.undone / angle.misfit
+        lowered = f"lowers the error by only {gain:.1%}" if gain > 0 else "does not lower the error"
+        reason = f"undoing a tilt of {angle.degrees:+.3f}° {lowered}, expected at least {LEAST_GAIN:.0%}"
     elif angle.misfit**2 - angle.undone**2 < angle.own**2:
         reason = (
             f"undoing a tilt of {angle.degrees:+.3f}° lowers the error from {angle.misfit:.2%} to {angle.undone:.2%},"

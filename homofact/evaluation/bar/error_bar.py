@@ -189,7 +189,7 @@ class ErrorBars:
             raise BadInput(where="theta", found=f"{theta:g}", expected="from 0 to 90 degrees")
         if not bar.degrees[0] <= theta <= bar.degrees[1]:
             reason = f"the error bars are for incidence angles of {bar.degrees[0]:.0f}–{bar.degrees[1]:.0f}°"
-            return ErrorBar(quantity, BarKind.WITHDRAWN, None, bar.rate, (theta, theta), reason)
+            return ErrorBar(quantity, BarKind.WITHDRAWN, None, bar.rate, (theta, theta), reason, unmeasured=math.nan)
         below = [each for each in self.by_angle if each.degrees[0] <= theta] or [self.by_angle[0]]
         above = [each for each in self.by_angle if each.degrees[0] >= theta] or [self.by_angle[-1]]
         one, two = below[-1], above[0]
