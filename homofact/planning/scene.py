@@ -37,7 +37,7 @@ from homofact.files.reading import read_toml
 from homofact.planning.tolerance import KINDS, Tolerance
 from homofact.rendering.environment import read_environment
 from homofact.rendering.light import DirectionalLight
-from homofact.scene.lighting import Lighting, named_lighting
+from homofact.scene.lighting import Lighting, check_file, named_lighting
 from homofact.scene.materials import found_source
 from homofact.settings.kinds import PLANNING, check_kind
 from homofact.settings.options import MOST_SEED, a_name, option, required
@@ -125,6 +125,7 @@ class _LightingTable:
         if len(given) != 1:
             names = ", ".join(key.name for key in fields(self))
             raise BadInput(found=" and ".join(given) or "none", expected=f"exactly one of {names}")
+        check_file(self.environment)
         for place, light in enumerate(self.lights or ()):
             if len(light.levels()) not in (1, 3):
                 found = f"found {len(light.levels())} numbers"

@@ -131,6 +131,7 @@ class LightTable:
         """Refuse none and both. Raises BadInput."""
         if (self.environment is None) is (self.named is None):
             raise BadInput(found="none or both", expected="exactly one of environment, named")
+        check_file(self.environment)
 
     def map(self, folder: Path) -> EnvironmentMap:
         """Return the environment map, its file relative to `folder`.
@@ -193,6 +194,13 @@ def ring_directions(y: Tensor, around: Tensor, columns: int, turn: float) -> Ten
     azimuth = ((torch.arange(columns, dtype=torch.float64) + 0.5) / columns - 0.5) * (2 * math.pi) - turn
     up, out = y[:, None].expand(-1, columns), around[:, None]
     return torch.stack((out * torch.sin(azimuth), up, -out * torch.cos(azimuth)), -1).reshape(-1, 3)
+
+
+def check_file(environment: str | None) -> None:
+    """Raise BadInput for the name of a built-in lighting where a file of an environment map is expected."""
+    if environment in NAMED:
+        expected = f'a .hdr or .exr file, or named = "{environment}" for the built-in one'
+        raise BadInput(where="environment", found=repr(environment), expected=expected)
 
 
 def named_lighting(name: str) -> Lighting:

@@ -63,6 +63,11 @@ CASES = {
     "a far place": ("at = [0, 0.25, 0]", "at = [0, 1e9, 0]", "at: .* expected three numbers below a million"),
     "terms of 0": ("size = 0.5", "terms = 0", "terms: found 0, expected a whole number from 1 to 256"),
     "terms of 1000": ("size = 0.5", "terms = 1000", "terms: found 1000, expected a whole number from 1 to 256"),
+    "a name as a file": (
+        'named = "studio"',
+        'environment = "studio"',
+        "environment: found 'studio', expected a .hdr or .exr file, or named",
+    ),
     "two lights": ('named = "studio"', 'named = "studio"\nenvironment = "x.hdr"', "exactly one of environment, named"),
     "the sun": (
         'named = "studio"',
