@@ -42,7 +42,7 @@ def _expected_level(value: float | str) -> str | None:
 
 
 def _several(value: tuple[Any, ...]) -> str | None:
-    return None if value and len(set(value)) == len(value) else "at least one, none twice"
+    return None if value and len(set(value)) == len(value) else "at least one, no repeats"
 
 
 class _Checked:

@@ -261,7 +261,7 @@ def _write_adaptive(target: Path, subject: "Source", comments: tuple[str, ...]) 
     if table is not reflectance:
         middle, most = relative_differences(reflectance, table, _PAIRS)
         facts["difference"] = {"median": middle, "quantile_99": most}
-        notes.append(f"off the source's values by {middle:.2%} in the median, {most:.2%} at the 99th percentile")
+        notes.append(f"error against the source: median {middle:.2%}, 99th percentile {most:.2%}")
     return facts
 
 
@@ -314,5 +314,5 @@ def _write_lighting(
     if written is not None:
         middle, most = relative_differences(CieY(reflectance), CieY(written), _PAIRS)
         facts["difference"] = {"median": middle, "quantile_99": most}
-        notes.append(f"luminance off the source's by {middle:.2%} in the median, {most:.2%} at the 99th percentile")
+        notes.append(f"luminance error against the source: median {middle:.2%}, 99th percentile {most:.2%}")
     return facts

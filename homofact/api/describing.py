@@ -142,6 +142,7 @@ def info(source: Any, *, plot: Place | None = None, seed: int = 0, progress: Pro
     apart = ("material", "suspected", "gains", "clipped", "tilt", DISMISSED)
     rows = {name: value for name, value in facts.items() if name not in apart} | (facts.get("material") or {})
     rows["faults"] = _faults_in_words(facts["faults"])
+    rows["spread_degrees"] = {"quantiles": "5%, 50%, 95%"} | facts["spread_degrees"]
     if subject.kind == "drawn":
         rows["kind"] = "table or network; homofact draws the samples from it"
     mended = mending_lines(subject.samples.provenance, looked_for=True)
@@ -162,6 +163,7 @@ def _faults_in_words(faults: dict[str, Any]) -> dict[str, Any]:
     }
     # `albedo_by_degrees` states its angles, so that its row needs the name alone.
     names = {"albedo_by_degrees": "albedo", "spread_along_the_normal": "along_the_normal"}
+    names["energy_above_one"] = "albedo_above_1"
     words = {names.get(name, name): found.get(name, value) for name, value in faults.items()}
     return {name: value for name, value in words.items() if value != ""}
 
@@ -182,7 +184,7 @@ def _reciprocity_in_words(error: dict[str, float] | None) -> str:
         return "not measured: fewer than ten pairs of samples with light and view exchanged"
     pairs = f" of {int(error['pairs'])} pairs of samples" if "pairs" in error else ""
     median, most = (figure(100 * error[name]) for name in ("median", "p95"))
-    return f"{median}% in the median{pairs}, 95% of them within {most}%"
+    return f"{median}% in the median{pairs}, 95% within {most}%"
 
 
 def _draw(picture: Path, subject: "Source") -> dict[str, Any]:

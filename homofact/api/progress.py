@@ -88,7 +88,7 @@ class ProgressSteps:
     def __call__(self, at: "FitProgress") -> None:
         """Report the progress of a fit."""
         done = at.term - 1 + (at.restart - 1) / max(at.restarts, 1)
-        best = f" best {at.best:.4g}" if math.isfinite(at.best) else ""
+        best = f", best {at.best:.4g}" if math.isfinite(at.best) else ""
         # A search of mixes has no restarts: only Cole's begins each term several times.
         again = f", restart {at.restart}/{at.restarts}" if at.restarts > 1 else ""
         words = f"{self._stage}: term {at.term}/{at.terms}{again}"

@@ -148,5 +148,5 @@ def _facts(wavelengths: Sequence[float], illuminant: str, white: tuple[float, fl
         "white": "a flat reflectance of 1 is 1 in every channel",
         "adaptation": "Bradford to D65 (x 0.3127, y 0.3290)",
         "wavelengths_nm": [float(w) for w in wavelengths],
-        "outside": f"end values kept from 360 to {wavelengths[0]:g} and from {wavelengths[-1]:g} to 780 nm",
+        "outside": f"values at {wavelengths[0]:g} and {wavelengths[-1]:g} nm, repeated to 360 and 780 nm",
     }

@@ -20,7 +20,7 @@ from homofact.version import __version__
 
 # What each extra of the package is for.
 _EXTRAS = {
-    "pictures": "factorize, chart, --plot: figures, textures as PNG for the eye",
+    "pictures": "factorize, chart, --plot: figures, textures as PNG previews",
     "containers": "EXR, PNG and PLY files: export, environments, meshes",
     "relight": "relight and edit: shadows, glTF meshes",
     "metrics": "compare --metrics: SSIM, FLIP",
@@ -29,15 +29,15 @@ _EXTRAS = {
     "blender": "tests: draws what export --engine blender writes",
     "cluster": "sweep --scheduler: Dask",
     "report": "report: Parquet",
-    "nmf": "a second opinion on nmf",
-    "textures": "a second opinion on BC6H",
+    "nmf": "tests: checks of nmf",
+    "textures": "tests: checks of BC6H",
     "dev": "tests",
 }
 # What others' programs do for those who change homofact; a fit and its export need none.
 _PROGRAMS = {
     "cc": "compiles the exported brdf.c",
     "glslangValidator": "checks the exported GLSL and HLSL",
-    "dxc": "compiles the exported HLSL where the library of .ci/packages is missing",
+    "dxc": "compiles the exported HLSL if libdxcompiler.so is missing",
     "llvm-config": "Mitsuba's llvm variants",
     "pdflatex": "compiles the tables of compare --latex",
     "node": "checks KTX2 files",
@@ -162,7 +162,7 @@ def _fit() -> str:
     error = float((found / samples.values - 1).abs().max())
     if error > 1e-3:
         raise ValueError(f"off by {error:.1%} on a Lambertian surface")
-    return f"a Lambertian surface within {error:.0e}"
+    return f"Lambertian surface, error {error:.0e}"
 
 
 def _kernels() -> str:
@@ -208,7 +208,7 @@ def _rays() -> str:
     found = over.blocked(np.array([[0.0, 0, 0], [0, 0, 2]]), np.array([0.0, 0, 1]))
     if found.tolist() != [True, False]:
         raise ValueError("a triangle's shadow is not where it must be")
-    return "a shadow is where it must be"
+    return "traced a shadow correctly"
 
 
 def _figure() -> str:
@@ -220,7 +220,7 @@ def _figure() -> str:
 
     file = BytesIO()
     FigureCanvasAgg(Figure()).print_png(file)
-    return f"a figure of {len(file.getvalue())} bytes"
+    return f"drew a {len(file.getvalue())}-byte figure"
 
 
 def _exr() -> str:
@@ -237,7 +237,7 @@ def _exr() -> str:
         write_exr(place, np.full((1, 1, 1), 0.5, np.float32), ("Y",))
         if float(read_exr(place)["Y"][0, 0]) != 0.5:
             raise ValueError("a texel comes back as another")
-    return "a texel as EXR comes back"
+    return "wrote and read an EXR"
 
 
 _TRIED: dict[str, Callable[[], str]] = {"relight": _rays, "pictures": _figure, "containers": _exr}

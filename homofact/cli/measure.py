@@ -157,25 +157,24 @@ def _shown(found: "MeasureResult", stop: float) -> list[Any]:
     )
     limit = f"the limit of {stop:.2%}".replace(".00%", "%")
     more = f"above {limit}, another round pays" if not found.stop else f"below {limit}, you can stop"
-    highest = "" if found.highest is None else f", θ up to {found.highest:.0f}°: above, the estimate follows the prior"
+    highest = "" if found.highest is None else f", θ up to {found.highest:.0f}°; beyond, only the prior is used"
     facts = {
         "samples so far": f"{count}{highest}",
-        "sphere PSNR": f"about {told.psnr:.1f} dB, above {told.psnr_least:.1f} dB for nine of ten materials",
+        "sphere PSNR": f"about {told.psnr:.1f} dB, above {told.psnr_least:.1f} dB in nine of ten cases",
         "albedo": albedo,
-        "highlight, part of the albedo": highlight,
+        "albedo of the highlight": highlight,
         "chosen": f"{len(found.angles)} directions"
         + (f" of {len(found.incidences)} incidences" if found.incidences else "")
         + f", θi {_between(found.goniometer.theta_i)}, θo {_between(found.goniometer.theta_o)} (--theta-i, --theta-o)",
         "squared error": f"expected to fall to {found.remaining:.0%} of the present one",
-        "time of moves": f"{found.seconds:.0f} s in this order"
-        f" ({found.seconds_unordered:.0f} s in the order of choosing)",
+        "time of moves": f"{found.seconds:.0f} s in this order ({found.seconds_unordered:.0f} s without reordering)",
         "pictures": f"expected to change by {found.change:.1%}",
         "three rings more": f"expected to change the pictures by {found.change_by_rings:.1%}: {more}",
     }
     shown: list[Any] = [
         facts_table("Where to measure next", facts),
         "Albedo and highlight are means of the channels, estimated from the samples and a prior of 128 materials. The"
-        " verdict of a fit knows no prior: its limits may be narrower or wider, and it may ask for more directions.",
+        " verdict of a fit does not use the prior: its limits may differ, and it may advise more directions.",
     ]
     if not found.files:
         shown += [f"theta_i {one:g}, theta_o {two:g}, phi {three:g}" for one, two, three in found.angles]

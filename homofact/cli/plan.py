@@ -248,8 +248,8 @@ def _reference_lines(found: "ScenePlan") -> list[str]:
 
 def _lines(found: "ScenePlan", other: "ScenePlan | None") -> list[str]:
     lines = [
-        "order: spherical-harmonic order at which the lobe can be cut off under this lighting; terms: number of terms"
-        " of an in-out SVD for that order."
+        "order: spherical-harmonic order that the lobe needs under this lighting; terms: in-out SVD terms for it;"
+        " reflected: relative RMS error."
     ]
     lines += [f"{each.name} {each.describe_spectrum()}." for each in found.scene.lightings]
     lines += _reference_lines(found)

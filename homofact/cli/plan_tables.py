@@ -115,7 +115,7 @@ def _no_better(plan: "MaterialPlan", best: "Neighbour | None") -> tuple[str, str
         return f"none helps: no candidate of up to {NEAR} × the bytes is expected to err clearly less", "–", "–"
     assert plan.outcome is not None
     tried = sum(answer.bytes > plan.outcome.bytes for answer in plan.walk.asked.values())
-    less = "hardly a smaller" if best.error < plan.outcome.error else "no smaller"
+    less = "a barely smaller" if best.error < plan.outcome.error else "no smaller"
     used = _used(best)
     limit = used if used == _UNTRUSTED else f"{used} of the limit" if used.endswith("%") else f"{used} the limit"
     own = f"{plan.walk.kept(best.candidate).words} ({best.bytes} bytes, {limit})"

@@ -96,10 +96,10 @@ _COARSE = math.sqrt(2)
 _ASIDE = ("psnr", "below_zero", "vertices")
 _BESIDE = 4  # objects of a table of errors
 _ERRORS = (
-    'Relative RMS error of the light towards the first camera, the only one compared. Row "picture": all errors, at'
-    ' pixels. Row "together": all errors but the interpolation between vertices, at vertices. Row "rim": the same at'
-    " vertices seen at cosθ below 0.2. Other rows: the error of one stage alone. The reference is lit with the same"
-    " fits, so their own errors are not included: see their verdicts"
+    'Relative RMS error of the light towards the first camera. "picture": all errors, per pixel. "together": all errors'
+    ' except interpolation between vertices, per vertex. "rim": "together" at vertices with cosθo below 0.2. "below'
+    ' zero": share of negative light. Other errors: one stage alone. The reference uses the same fits, so these errors'
+    " exclude those of the fits: see their verdicts"
 )
 
 

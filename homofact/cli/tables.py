@@ -225,8 +225,8 @@ def metric_tables(values: Mapping[str, Mapping[str, float | None]]) -> list[Tabl
 def pair_table(pairs: "Sequence[MethodPair]") -> Table:
     """Compare methods in pairs: on how many splits the first has the lower errors, and the ratios of the errors."""
     table = plain_table(
-        "Methods split by split (lower: on how many splits the first has the lower held-out error; ratio: its error"
-        " over that of the other, least to greatest)"
+        "Methods compared per split (lower: splits where the first has the lower held-out error; ratio: its error"
+        " divided by the other's, smallest to largest)"
     )
     add_names(table, longest=max(len(pair.method) for pair in pairs))
     add_names(table, "against", longest=max(len("against"), *(len(pair.other) for pair in pairs)))
@@ -251,14 +251,14 @@ def mean_table(rows: "Sequence[MeanRow]") -> Table:
 
     fits = max(row.fits for row in rows)
     upto = "" if all(row.fits == fits for row in rows) else "up to "
-    counts = f", each of {upto}{counted(fits, 'fit')}" if fits > 1 else " (one fit each)"
-    table = plain_table(f"Means and standard deviations (±) by method and bytes{counts}")
+    counts = f"over {upto}{counted(fits, 'fit')}" if fits > 1 else "of one fit each"
+    table = plain_table(f"Means and standard deviations (±) {counts}, by method and bytes")
     add_names(table)
     add_figures(table, "bytes", "fits")
     add_names(table, "metric")
     over_sources = any(row.sources > 1 for row in rows)
     within = not over_sources or any(value is not None for row in rows for value in row.within_source.values())
-    heads = {"± between sources": over_sources, "± fits of a source" if over_sources else "±": within}
+    heads = {"± between sources": over_sources, "± within a source" if over_sources else "±": within}
     add_figures(table, "mean", *(head for head, shown in heads.items() if shown))
     for row in rows:
         about = [Text(row.method), str(row.nbytes), str(row.fits)]

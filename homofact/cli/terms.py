@@ -55,11 +55,11 @@ def terms(
             f" {found.grid[0]} rings of {found.grid[1]}"
         )
     facts: dict[str, Any] = {
-        "energy": f"{share:.4g} of Σσ², directions up to {limit:g}° from the normal",
+        "energy": f"terms keep {share:.4g} of Σσ² (singular values), θ ≤ {limit:g}°",
         "l*": f"{'' if found.l_star_settled else 'at least '}{found.l_star:.1f}, the order of the half-angle curve",
         "terms predicted": f"{'' if found.l_star_settled else 'at least '}{found.predicted} = (l* + 1)²/4",
         "terms measured": f"{'' if found.settled else 'about '}{found.measured} by SVD",
-        "as 32² maps": f"{stored} bytes, two per term ({stored // 2} where reciprocal), {2 * found.measured} fetches",
+        "as 32² maps": f"{stored} bytes, 2 maps per term ({stored // 2} if reciprocal), {2 * found.measured} fetches",
     }
     if result.row is not None and result.costs is not None:
         facts |= _compared(result.row, result.costs)

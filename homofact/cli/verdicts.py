@@ -99,9 +99,7 @@ def figures_line(verdict: "Verdict") -> str:
         figures.append(f"condition {system.condition:.0e}")
     if verdict.look is not None and verdict.look.left_out >= LEAST_LEFT_OUT:
         figures.append(
-            f"artefacts were not looked for in {verdict.look.left_out:.0%} of the rendered pixels, whose directions"
-            f" have"
-            " no samples"
+            f"{verdict.look.left_out:.0%} of the rendered pixels not checked for artefacts (no samples there)"
         )
     light = verdict.figures.light
     figures.append(

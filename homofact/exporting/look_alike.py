@@ -49,7 +49,7 @@ class Likeness:
     @property
     def phrase(self) -> str:
         """The likeness in a few plain words, as in the name of glTF's material."""
-        of = "the engine's own sky shows a look-alike" if self.under_sky_alone else "look-alike only"
+        of = "the engine's own sky lights a look-alike" if self.under_sky_alone else "look-alike only"
         highlight = f", highlight {_times(self.highlight)} times" if self._off_highlight else ""
         return f"{of}: {_picture(self.appearance.psnr_sky)} under a sky, {self._albedo_words}{highlight}"
 
@@ -112,7 +112,7 @@ class Likeness:
     def _albedo_words(self) -> str:
         if not math.isfinite(self.albedo):
             return "light where the fit reflects none"
-        return f"albedo {'up' if self.albedo >= 1 else 'down'} to {self.albedo:.2f} times"
+        return f"albedo {'up' if self.albedo >= 1 else 'down'} to {self.albedo:.2f} × fit"
 
 
 @dataclass(frozen=True)

@@ -67,7 +67,7 @@ def required(help: str, **more: Any) -> Any:
 
 def none_twice(value: tuple[Any, ...]) -> str | None:
     """Check for `Option.expected_instead`: a list without repetitions."""
-    return None if len(set(value)) == len(value) else "none twice"
+    return None if len(set(value)) == len(value) else "no repeats"
 
 
 def a_name(value: str) -> str | None:

@@ -41,7 +41,7 @@ CASES = {
         [*FIT, "--calibrate", "ring", *OUT],
         r"calibrate: found 'ring', expected one of auto, none, tilt, rings, rows",
     ),
-    "gains twice": ([*FIT, "--calibrate", "rows+rows", *OUT], r"calibrate: found rows, rows, expected none twice"),
+    "gains twice": ([*FIT, "--calibrate", "rows+rows", *OUT], r"calibrate: found rows, rows, expected no repeats"),
     "gains of a model": (
         [*FIT, "--calibrate", "rings", *OUT],
         r"calibrate: material:phong-10 can be evaluated anywher",

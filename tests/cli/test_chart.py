@@ -192,7 +192,7 @@ CASES = {
     "no methods": ([PHONG, "--methods", ",", *OUT], r"methods: found none, expected at least one"),
     "no searches": ([PHONG, "--search", ",", *OUT], r"search: found none, expected at least one"),
     "no sizes": ([PHONG, "--size", ",", *OUT], r"size: found none, expected at least one"),
-    "a size twice": ([PHONG, "--size", "8,8", *OUT], r"size: found 8, 8, expected at least one, none twice"),
+    "a size twice": ([PHONG, "--size", "8,8", *OUT], r"size: found 8, 8, expected at least one, no repeats"),
     "a size of words": ([PHONG, "--size", "8,big", *OUT], r"size: found '8,big', expected whole numbers"),
     "size 1": ([PHONG, "--size", "8,1", *OUT], r"size: found 1, expected .* at least 2"),
     "no textures": ([PHONG, "--textures", "0", *OUT], r"textures: found 0, expected"),

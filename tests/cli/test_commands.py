@@ -290,7 +290,7 @@ def test_a_terminal_sees_the_bar_unless_quiet(quiet: bool) -> None:
         assert seen == b""
     else:
         assert b"term 1/1, restart" in seen
-        assert b"evaluations best" in seen
+        assert b"evaluations, best" in seen
 
 
 @pytest.mark.slow

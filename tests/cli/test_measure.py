@@ -103,7 +103,7 @@ def test_a_table_for_people(capsys: pytest.CaptureFixture[str]) -> None:
     shown = " ".join(capsys.readouterr().out.split())
     words = (
         "Where to measure next",
-        "for nine of ten materials",
+        "in nine of ten cases",
         "three rings more",
         "within a factor of",
         "another round pays",

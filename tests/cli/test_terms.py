@@ -35,7 +35,7 @@ def test_less_energy_and_one_channel_need_less(capsys: pytest.CaptureFixture[str
 def test_a_table_for_people(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["research", "terms", MATERIAL, "--count", "50"]) == 0
     shown = " ".join(capsys.readouterr().out.split())
-    for words in ("0.99 of Σσ²", "up to 85° from the normal", "= (l* + 1)²/4", "by SVD", "as 32² maps"):
+    for words in ("0.99 of Σσ²", "θ ≤ 85°", "= (l* + 1)²/4", "by SVD", "as 32² maps"):
         assert words in shown
 
 

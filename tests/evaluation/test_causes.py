@@ -99,7 +99,7 @@ def test_a_sentence_names_the_angles_whose_bars_rest_on_extrapolation() -> None:
     by_angle = tuple(replace(bar, unmeasured=share) for bar, share in zip(made.by_angle, shares, strict=True))
     assert [bar.rests_on_extrapolation for bar in by_angle] == [False, True, False, False, True]
     assert ErrorBars((), by_angle).extrapolated_sentence() == (
-        "at 15° and 60° incidence 10% and 22% of the light leaves in directions without measurements: the limits of"
+        "at 15° and 60° incidence, 10% and 22% of the light leaves in directions without measurements: the limits of"
         " total reflected light there (3% and 6%) rest on extrapolation"
     )
     assert ErrorBars((), by_angle[:2]).extrapolated_sentence().endswith("there (3%) rests on extrapolation")

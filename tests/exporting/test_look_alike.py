@@ -29,13 +29,13 @@ def case(albedo: float = 1.0, lamp: float = 50.0, sky: float = 50.0, highlight: 
 @pytest.mark.parametrize(
     ("found", "phrase"),
     [
-        (case(1.416, 28.0, 31.4), "look-alike only: 31 dB under a sky, albedo up to 1.42 times"),
-        (case(0.783, 28.0, 33.5), "look-alike only: 34 dB under a sky, albedo down to 0.78 times"),
-        (case(1.0, sky=math.inf), "look-alike only: no difference under a sky, albedo up to 1.00 times"),
+        (case(1.416, 28.0, 31.4), "look-alike only: 31 dB under a sky, albedo up to 1.42 × fit"),
+        (case(0.783, 28.0, 33.5), "look-alike only: 34 dB under a sky, albedo down to 0.78 × fit"),
+        (case(1.0, sky=math.inf), "look-alike only: no difference under a sky, albedo up to 1.00 × fit"),
         (case(math.inf), "look-alike only: 50 dB under a sky, light where the fit reflects none"),
         (
             case(0.94, sky=39, highlight=0.37),
-            "look-alike only: 39 dB under a sky, albedo down to 0.94 times, highlight 0.37 times",
+            "look-alike only: 39 dB under a sky, albedo down to 0.94 × fit, highlight 0.37 times",
         ),
     ],
 )

@@ -114,7 +114,7 @@ class TiltFinding:
             return f"no tilt of the sample {'undone' if undone else 'found'}", self.in_plane.reason
         what = " and ".join(words for _, words, _ in found)
         gains = (f"the {error} from {angle.misfit:.1%} to {angle.undone:.1%}" for angle, _, error in found)
-        doing = "undone, which" if undone else f"{Advice('calibrate', 'tilt')} undoes it, which"
+        doing = "homofact undid it, which" if undone else f"{Advice('calibrate', 'tilt')} undoes it, which"
         return f"the sample was tilted by {what}", f"{doing} lowers {' and '.join(gains)}"
 
 
@@ -136,8 +136,8 @@ def doubted(angle: TiltAngle, law: str) -> TiltAngle:
         )
     elif angle.undone > (1 - LEAST_GAIN) * angle.misfit:
         gain = 1 - angle.undone / angle.misfit
-        lowered = f"lowers the error by only {gain:.1%}" if gain > 0 else "does not lower the error"
-        reason = f"undoing a tilt of {angle.degrees:+.3f}° {lowered}, expected at least {LEAST_GAIN:.0%}"
+        only = f"lowers the error by only {gain:.1%}, expected at least {LEAST_GAIN:.0%}"
+        reason = f"undoing a tilt of {angle.degrees:+.3f}° {only if gain > 0 else 'does not lower the error'}"
     elif angle.misfit**2 - angle.undone**2 < angle.own**2:
         reason = (
             f"undoing a tilt of {angle.degrees:+.3f}° lowers the error from {angle.misfit:.2%} to {angle.undone:.2%},"

@@ -32,7 +32,7 @@ _EITHER_WAY = {"contrast"}
 WORDS = {
     "mended": "the error that a correction by the nearest samples removes",
     "bias": "the error on which both halves of the samples agree",
-    "apart": "the difference between the logarithms of the fit and of an interpolation of the samples",
+    "apart": "the difference in logarithms between the fit and an interpolation of the samples",
     "unexplained": "the variation of the samples that the fit does not explain",
     "misplaced": "the misplaced light",
     "gap": "the held-out error over the training error",
@@ -59,7 +59,7 @@ WORDS = {
     "effective": "the number of samples that carry the light",
     "highest": "the range of grazing angles without measurements",
     "odds": "the suspicion that the data are faulty",
-    "surface_apart": "the difference between the light of the fit and that of an interpolation of the samples",
+    "surface_apart": "the difference in light between the fit and an interpolation of the samples",
     "surface_lamp": "the difference between a picture of the fit and one of an interpolation of the samples",
 }
 

@@ -288,7 +288,7 @@ class ErrorBars:
         limits = listed([percent(bar.error) for bar in found if bar.error is not None])
         limit, rest = ("limit", "rests") if len(found) == 1 else ("limits", "rest")
         return (
-            f"at {angles} incidence {shares} of the light leaves in directions without measurements: the {limit} of"
+            f"at {angles} incidence, {shares} of the light leaves in directions without measurements: the {limit} of"
             f" total reflected light there ({limits}) {rest} on extrapolation"
         )
 

@@ -249,9 +249,9 @@ _NOTES = (
           "the fit's directional albedo is {value:.3g} at θi = {noted.figures.light.albedo_at:g}°, expected at most"
           " {most:g}", "check the measurement's units and its grazing angles (homofact info)", feature="energy"),
     _Note("step", _F, lambda n: abs(math.log(n.figures.light.step)), math.log(1.5),
-          "the fit's directional albedo at {noted.figures.light.step_where} is {noted.figures.light.step:.3g}, expected"
-          " 1 within a factor of 1.5",
-          "single samples that are wrong, or too few there: robust weights, more smoothing or more samples",
+          "the ratio of the fit's directional albedos is {noted.figures.light.step:.3g}"
+          " ({noted.figures.light.step_where}), expected 1 within a factor of 1.5",
+          "add samples or smoothing if samples are few there; if some are wrong, use robust weights",
           _set("robust", True), "step"),
     _Note("reciprocity", _F, _fit_asymmetry, LARGEST_ASYMMETRY,
           "{value:.0%} more of the fit's light than of the data's changes where light and viewer are swapped, expected"
@@ -273,7 +273,7 @@ _NOTES = (
           lambda n, v: Advice("epsilon", float(f"{v:.1g}")), "noise"),
     _Note("gamut", _D, lambda n: n.figures.data.gamut, _ZEROS,
           "{value:.0%} of the samples are cut at zero in a channel, since their colour lies outside sRGB",
-          "keep RGB if you export the fit; export refuses fits of the spectrum, which have all colours",
+          "a fit of the spectrum would keep these colours, but export refuses it; to export, keep RGB",
           feature="zeros"),
     _Note("zeros", _D, _dark, _ZEROS,
           "{value:.1%} of a channel's light is missing at samples that are exactly zero, expected at most {most:.0%}",
@@ -315,7 +315,7 @@ _NOTES = (
           " highlight stands between samples", "measure it more finely", feature="unresolved"),
     _Note("sampling", _U, lambda n: n.figures.coverage.rising, 0.5,
           "the samples nearest to the mirror direction still rise as θh^-{value:.2g}, expected at most θh^-{most:g}",
-          "measure nearer to the mirror direction: the top of the highlight stands where no samples are",
+          "measure nearer to the mirror direction, since the top of the highlight has no samples",
           feature="rising"),
     _Note("azimuth", _U, _one_azimuth, 1 - _SPREAD_OF_AZIMUTHS,
           "an anisotropic material was lit from one azimuth only",

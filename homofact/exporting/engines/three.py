@@ -122,5 +122,5 @@ def package_name(called: str, method: str = "") -> str:
 
 
 THREE = Engine(
-    "three", ("exr16", "exr", "png8"), _files, "fitting the table for skies that three.js filters, and its material"
+    "three", ("exr16", "exr", "png8"), _files, "fitting three.js's material and the table for its filtered skies"
 )
