@@ -161,9 +161,11 @@ def _faults_in_words(faults: dict[str, Any]) -> dict[str, Any]:
         + " (largest channel)",
         "holes": f"{holes['empty']} of {holes['cells']} cells ({holes['share']:.0%})",
     }
-    # `albedo_by_degrees` states its angles, so that its row needs the name alone.
-    names = {"albedo_by_degrees": "albedo", "spread_along_the_normal": "along_the_normal"}
-    names["energy_above_one"] = "albedo_above_1"
+    names = {
+        "albedo_by_degrees": "albedo",
+        "energy_above_one": "albedo_above_1",
+        "spread_along_the_normal": "along_the_normal",
+    }
     words = {names.get(name, name): found.get(name, value) for name, value in faults.items()}
     return {name: value for name, value in words.items() if value != ""}
 

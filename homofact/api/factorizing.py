@@ -19,15 +19,16 @@ from homofact.methods.search import Search
 from homofact.methods.table import made, mccool_like
 from homofact.sections import SourceSettings
 
-# A second lobe is named only if the log error is this much smaller; a model's error of values may be so much larger.
-_CLEARLY_LESS, _MOST_MSE = 0.9, 1.25
-
 if TYPE_CHECKING:
     from homofact.api.result import Fit
     from homofact.brdf.source import Source
     from homofact.evaluation.compare import ComparisonRow, FitWithErrors
     from homofact.factor.fitted import Fitted
     from homofact.methods.method import Method
+
+# Two lobes are named only if their log error is at most this part of that of one. The mean squared error of a model may
+# be at most so many times that of the textures.
+_CLEARLY_LESS, _MOST_MSE = 0.9, 1.25
 
 
 @dataclass(frozen=True, repr=False)

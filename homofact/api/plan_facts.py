@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from homofact.errors import BadInput
-from homofact.evaluation.wording import counted, figure, listed, part_of_limit
+from homofact.evaluation.wording import counted, figure, listed, used_of_limit
 from homofact.files.kinds import PLAN
 
 
@@ -87,11 +87,8 @@ def _step(one: Mapping[str, Any]) -> str:
 
 
 def _used(part: float | None) -> str:
-    """Return which part of its limit an error uses: "32% of the limit", "10 × the limit"."""
-    if part is None:
-        return "more than can be measured"
-    words = part_of_limit(part)
-    return f"{words} the limit" if words.endswith("×") else f"{words} of the limit"
+    """Return the part of its limit that an error uses; None is an error without a finite value."""
+    return "more than can be measured" if part is None else used_of_limit(part)
 
 
 def _choice(each: Mapping[str, Any]) -> str:

@@ -17,6 +17,7 @@ import numpy as np
 from homofact.brdf.in_kind import Pairs
 from homofact.errors import BadInput, Report, Status
 from homofact.evaluation.bar.error_bar import ErrorBar, ErrorBars
+from homofact.evaluation.verdict.finding import Finding
 from homofact.evaluation.wording import trust_in_words
 from homofact.factor.evaluation import Evaluation
 from homofact.factor.spectral_fit import SpectralFit
@@ -30,7 +31,6 @@ from homofact.shading.program import Program, program_of
 if TYPE_CHECKING:
     from homofact.api.module import FitModule
     from homofact.brdf.log_transform import LogTransform
-    from homofact.evaluation.verdict.finding import Finding
     from homofact.factor.fitted import Fitted, QuantizationGrid, Texture
 
 
@@ -48,7 +48,7 @@ class Judgement(Protocol):
         ...
 
     @property
-    def findings(self) -> "Sequence[Finding]":
+    def findings(self) -> Sequence[Finding]:
         """The findings of the verdict."""
         ...
 
@@ -311,7 +311,7 @@ class RecordedVerdict:
 
     trusted: bool
     summary: str
-    findings: "tuple[Finding, ...]"
+    findings: tuple[Finding, ...]
     facts: Mapping[str, Any]
     bars: "ErrorBars | None" = None
 
@@ -324,8 +324,6 @@ class RecordedVerdict:
         """Return the verdict of a record; None if the record is invalid, as in a report of an early version."""
         if not isinstance(record, Mapping) or not isinstance(record.get("trusted"), bool):
             return None
-        from homofact.evaluation.verdict.finding import Finding
-
         findings = record.get("findings")
         kept = [Finding.of_record(each) for each in findings] if isinstance(findings, list) else []
         summary = record.get("summary")

@@ -6,7 +6,7 @@ from rich.table import Table
 from rich.text import Text
 
 from homofact.cli.layout import add_figures, add_names, plain_table
-from homofact.evaluation.wording import brief_figure, counted, figure, part_of_limit
+from homofact.evaluation.wording import brief_figure, counted, figure, part_of_limit, used_of_limit
 from homofact.planning.tolerance import WORDS
 
 if TYPE_CHECKING:
@@ -116,9 +116,8 @@ def _no_better(plan: "MaterialPlan", best: "Neighbour | None") -> tuple[str, str
     assert plan.outcome is not None
     tried = sum(answer.bytes > plan.outcome.bytes for answer in plan.walk.asked.values())
     less = "a barely smaller" if best.error < plan.outcome.error else "no smaller"
-    used = _used(best)
-    limit = used if used == _UNTRUSTED else f"{used} of the limit" if used.endswith("%") else f"{used} the limit"
-    own = f"{plan.walk.kept(best.candidate).words} ({best.bytes} bytes, {limit})"
+    used = used_of_limit(best.error) if best.trusted else _UNTRUSTED
+    own = f"{plan.walk.kept(best.candidate).words} ({best.bytes} bytes, {used})"
     if tried == 1:
         words = (
             f"none helps: {own} has {less} error, and others of up to {NEAR} × the bytes are expected to gain little"

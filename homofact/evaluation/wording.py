@@ -49,6 +49,18 @@ def ratio_figure(value: float) -> str:
     return f"{value:.3f}" if value != 1 and abs(value - 1) < 0.05 else brief_figure(value)
 
 
+def used_of_limit(ratio: float) -> str:
+    """Return the part of a limit that an error uses, as words.
+
+    Examples
+    --------
+    >>> used_of_limit(0.32), used_of_limit(10.0)
+    ('32% of the limit', '10 × the limit')
+    """
+    words = part_of_limit(ratio)
+    return f"{words} the limit" if words.endswith("×") else f"{words} of the limit"
+
+
 def part_of_limit(ratio: float) -> str:
     """Return the ratio of an error to its limit in percent, or from 10 on as a multiple: "87%", "173 ×".
 

@@ -152,6 +152,7 @@ def report(fits: Sequence[SimulatedFit], constants: Table) -> list[str]:
                 "can be known": known,
                 "searched, can be known": [each for each in known if each.fit.searched],
                 "not searched, can be known": [each for each in known if not each.fit.searched],
+                "off by over twice a limit": [each for each in known if each.fit.badness > math.log(2)],
             }
         ),
         "### Coverage by kind of fault",

@@ -242,7 +242,8 @@ class ErrorBars:
         if not extrapolated or not relied_on or albedo.error is None or any(bar.error is None for bar in relied_on):
             return albedo.words()
         within = []
-        for runs in (_runs(relied_on, self.by_angle), _with_neighbours(extrapolated, self.by_angle)):
+        # Between two angles, the limit is interpolated: an extrapolated range begins and ends at its neighbours.
+        for runs in (_runs(relied_on, self.by_angle), _runs(extrapolated, self.by_angle, margin=1)):
             error = max(bar.error or 0.0 for run in runs for bar in run)
             within.append(f"within {percent(error)} at {listed([_range(run) for run in runs])}")
         return f"{WORDS[albedo.quantity]} {' and '.join(within)} (partly extrapolated)"
@@ -310,8 +311,8 @@ def _grade(bar: ErrorBar) -> str:
     return "unknown" if bar.error is None else "good" if bar.error <= GOOD["albedo"] else "bad"
 
 
-def _runs(some: Sequence[ErrorBar], every: Sequence[ErrorBar]) -> list[Sequence[ErrorBar]]:
-    """Return the bars of `some` in runs of bars that follow each other in `every`."""
+def _runs(some: Sequence[ErrorBar], every: Sequence[ErrorBar], margin: int = 0) -> list[Sequence[ErrorBar]]:
+    """Return the bars of `some` in runs of neighbours in `every`, each with `margin` more bars on either side."""
     runs: list[list[int]] = []
     for k, bar in enumerate(every):
         if bar in some:
@@ -319,16 +320,7 @@ def _runs(some: Sequence[ErrorBar], every: Sequence[ErrorBar]) -> list[Sequence[
                 runs[-1].append(k)
             else:
                 runs.append([k])
-    return [every[run[0] : run[-1] + 1] for run in runs]
-
-
-def _with_neighbours(some: Sequence[ErrorBar], every: Sequence[ErrorBar]) -> list[Sequence[ErrorBar]]:
-    """Return the runs of `_runs`, each with the angle before and after it: limits between two angles are of both."""
-    runs = []
-    for run in _runs(some, every):
-        first, last = every.index(run[0]), every.index(run[-1])
-        runs.append(every[max(first - 1, 0) : last + 2])
-    return runs
+    return [every[max(run[0] - margin, 0) : run[-1] + 1 + margin] for run in runs]
 
 
 def _range(run: Sequence[ErrorBar]) -> str:
