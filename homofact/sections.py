@@ -210,12 +210,12 @@ class OutputSettings(_Checked):
 
 @dataclass(frozen=True)
 class RenderSettings(_Checked):
-    """How a sphere is drawn.
+    """How a sphere or a relit scene is drawn.
 
     `light` is a vector of any length towards a directional light; None means the light of the comparison pictures.
     `environment` is a lat-long .hdr or .exr file that replaces this light. `exposure` is a number of stops above the
-    automatic exposure, `tonemap` the tone curve (`rendering.tonemap`), `size` the picture's pixels per side, and `file`
-    the output file.
+    automatic exposure, `tonemap` the tone curve (`rendering.tonemap`), `size` the picture's height in pixels, and
+    `file` the output file. `camera`, `eye` and `target` are for scenes.
     """
 
     light: tuple[float, float, float] | None = option(
@@ -229,7 +229,20 @@ class RenderSettings(_Checked):
     )
     exposure: float = option(0.0, "Added to the automatic exposure", unit="stops", least=-20, most=20, metavar="STOPS")
     tonemap: str = option("filmic", "Tone curve of the picture", choices=("filmic", "srgb"))
-    size: int = option(384, "Pixels per side", least=16, most=8192, unit="pixels")
+    size: int | None = option(
+        None,
+        "Height of the picture; a sphere's picture is as wide. Default: 384 for a sphere, the camera's for a scene",
+        least=16,
+        most=8192,
+        unit="pixels",
+    )
+    camera: str | None = option(None, "Name or number of a scene's camera. Default: the first", metavar="NAME")
+    eye: tuple[float, float, float] | None = option(
+        None, "Point from which to look at a scene, instead of the camera's", metavar="X,Y,Z"
+    )
+    target: tuple[float, float, float] | None = option(
+        None, "Point of a scene to look at, instead of the camera's", metavar="X,Y,Z"
+    )
     file: str | None = option(None, "File for the picture", flag="out", metavar="FILE.png")
 
     def __post_init__(self) -> None:

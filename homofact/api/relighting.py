@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from homofact.meshes.mesh import Mesh
     from homofact.relighting.build import RelightScene, RelitObject
     from homofact.relighting.errors import RelightErrors
-    from homofact.relighting.relight import RelitMesh
+    from homofact.relighting.relit_mesh import RelitMesh
     from homofact.relighting.result import RelightResult
     from homofact.rendering.light import EnvironmentMap
 
@@ -186,8 +186,7 @@ def _relit_scene(
     objects = relit_objects(scene, blocks, lambda name, done, count: steps.run(name, min(done, count - 1), count))
     traced = time.perf_counter()
     result = RelightResult.of(file, objects, {})
-    light = result.sky.cube.astype(float)
-    pictures = _pictures(scene, objects, light, steps)
+    pictures = _pictures(scene, result, steps)
     errors: list[RelightErrors | None] = []
     notes = list(scene.notes)
     if vertices:
@@ -204,7 +203,7 @@ def _relit_scene(
     sums = None
     if reference:
         steps.stage("summing every vertex in full")
-        sums = tuple(dense_colours(scene, light))
+        sums = tuple(dense_colours(scene, result.sky.cube.astype(float)))
     report = _report(scene, objects, errors)
     report["seconds"] = {
         "materials": opened - begun, "transport": traced - opened, "pictures and errors": time.perf_counter() - traced,
@@ -217,25 +216,22 @@ def _relit_scene(
     )
 
 
-def _pictures(
-    scene: "RelightScene", objects: "Sequence[RelitObject]", light: "np.ndarray", steps: ProgressSteps
-) -> "list[np.ndarray]":
-    """Render 8-bit pictures from all cameras under the cube map of radiance."""
+def _pictures(scene: "RelightScene", result: "RelightResult", steps: ProgressSteps) -> "list[np.ndarray]":
+    """Render 8-bit pictures from all cameras under the scene's light."""
     from homofact.evaluation.estimate import TimeEstimate
     from homofact.relighting.expected import picture_seconds
-    from homofact.relighting.picture import displayed_picture, picture
+    from homofact.relighting.picture import displayed_picture
 
     steps.stage("lighting the objects")
-    lit = [relit.lit(light) for relit in objects]
-    meshes, cameras, lights = [relit.mesh for relit in objects], scene.file.cameras, len(scene.file.lights)
+    cameras, lights = scene.file.cameras, len(scene.file.lights)
+    lit = replace(result.lit(), occluder=scene.occluder)
     estimate = TimeEstimate([("picture", picture_seconds(camera.pixels, lights)) for camera in cameras])
     pictures = []
     for number, camera in enumerate(cameras):
         name = "rendering" if len(cameras) == 1 else f"rendering picture {number + 1} of {len(cameras)}"
         steps.stage(name, estimate.seconds_left)
         begun = time.monotonic()
-        colours = [each.terms(camera.eye) for each in lit]
-        pictures.append(displayed_picture(*picture(meshes, colours, scene.occluder, camera, scene.file.light, lit)))
+        pictures.append(displayed_picture(*lit.radiance(camera)))
         estimate.finish(number, time.monotonic() - begun)
     return pictures
 
@@ -286,7 +282,7 @@ def _relit_mesh(
     from homofact.relighting.factoring import MAP_SIZE
     from homofact.relighting.lobe import SeparateLobe
     from homofact.relighting.precompute import TransportSettings, transport
-    from homofact.relighting.relight import RelitMesh
+    from homofact.relighting.relit_mesh import RelitMesh
     from homofact.scene.file_fits import FileFits
     from homofact.scene.lighting import open_environment
     from homofact.scene.materials import open_material
@@ -318,7 +314,7 @@ def _relit_mesh(
     separate = SeparateLobe.traced(made.lobe, given, occluder, kept.cube, place, traced_shadows)
     sight = None if separate is None else separate.sight
     moved = transport(given, made.factors, kept, occluder, place, traced_block, sight=sight)
-    return RelitMesh(given, moved, notes, separate)
+    return RelitMesh(given, moved, notes, separate, alone=not among)
 
 
 def _report(

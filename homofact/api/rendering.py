@@ -1,7 +1,7 @@
-"""Rendering: the lit sphere of a fit or a source, as a picture."""
+"""Rendering: the lit sphere of a fit or a source, or a relit scene, as a picture."""
 
 import os
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -9,25 +9,32 @@ from homofact.api.places import check_file
 from homofact.api.progress import Progress, ProgressSteps
 from homofact.api.subjects import Place, given_fit, given_source, open_given
 from homofact.brdf.source_names import MATERIAL_PREFIX
+from homofact.errors import BadInput
+from homofact.files.kinds import PREPARED, RELIT
 from homofact.files.reading import split_member
 from homofact.sections import RenderSettings, SourceSettings
 
 if TYPE_CHECKING:
     import numpy as np
 
+    from homofact.figures.lit_picture import LitPicture
+    from homofact.relighting.lit_scene import LitScene
+    from homofact.scene.cameras import Camera
+
 _FEW = 64  # samples of a model, which nothing here looks at
+_SIZE = 384  # of a sphere's picture
 
 
 @dataclass(frozen=True)
 class RenderResult:
-    """A picture of a sphere.
+    """A picture of a sphere, a relit scene or a relit mesh.
 
     Attributes
     ----------
     result : str
         What was drawn, in words.
-    pixels : ndarray (size, size, 3)
-        The picture, 8 bits, sRGB.
+    pixels : ndarray (H, W, 3)
+        The picture, 8 bits, sRGB. A sphere's is square.
     file : Path or None
         Where it was written.
     light : str
@@ -57,6 +64,7 @@ class RenderResult:
             "result": self.result,
             "picture": None if self.file is None else str(self.file),
             "size": len(self.pixels),
+            "width": self.pixels.shape[1],
             "light": self.light,
             "exposure": self.exposure,
             "tonemap": self.tonemap,
@@ -72,28 +80,37 @@ def render(
     environment: Place | None = None,
     exposure: float = 0.0,
     tonemap: str = "filmic",
-    size: int = 384,
+    size: int | None = None,
+    camera: str | None = None,
+    eye: tuple[float, float, float] | None = None,
+    target: tuple[float, float, float] | None = None,
     progress: Progress | None = None,
 ) -> RenderResult:
-    """Draw the sphere of a fit or a source under a directional light or an environment map.
+    """Draw the sphere of a fit or a source under a light, or a scene that `relight` has precomputed.
 
     Parameters
     ----------
-    drawn : Fit, source or path
-        A fit, a result's folder or .npz file; or a source: a measurement file, "material:NAME", or an object.
+    drawn : Fit, source, RelightResult, RelitMesh or path
+        A fit, a result's folder or .npz file; a source: a measurement file, "material:NAME", or an object; or what
+        `relight` returned or wrote: a scene, its folder, or a mesh.
     to : path, optional
         The .png file. Without it the picture is only returned.
     light : (float, float, float), optional
-        Direction towards a directional light: x right, y up, z to the viewer.
+        Direction towards a directional light: x right, y up, z to the viewer. Only for spheres.
     environment : path, optional
-        A lat-long environment map (.hdr or .exr) that replaces the directional light, or the name of a built-in sky,
-        such as "studio".
+        A lat-long environment map (.hdr or .exr) that replaces the directional light or the scene's sky and suns, or
+        the name of a built-in sky, such as "studio".
     exposure : float, optional
         Stops brighter than the automatic exposure.
     tonemap : {"filmic", "srgb"}, optional
         The tone curve from radiance to pixel values.
     size : int, optional
-        Pixels per side.
+        Height of the picture in pixels. Default: 384 for a sphere, the camera's for a scene.
+    camera : str, optional
+        Name or number, from 1, of one of a scene's cameras. Default: the first.
+    eye, target : (float, float, float), optional
+        For a scene or mesh: the point to look from, and the point to look at, instead of the camera's. The default
+        camera of a mesh sees all of it from the front.
     progress : callable, optional
         Called with a `ProgressStep` on the way.
 
@@ -106,27 +123,51 @@ def render(
     ------
     BadInput
         For what cannot be read or drawn, and a file that cannot be written.
+    MissingDependency
+        For a scene or mesh without Embree (the extra `relight`).
 
     Examples
     --------
     >>> homofact.render("material:phong-30", "phong.png", size=64).pixels.shape
     (64, 64, 3)
+    >>> ball = homofact.relight("shape:sphere", "material:phong-10", terms=4, cube=8)
+    >>> ball.relight("studio")
+    >>> homofact.render(ball, "ball.png", eye=(1, 2, 4), size=48).pixels.shape
+    (48, 64, 3)
     """
     map_file = None if environment is None else os.fspath(environment)
-    settings = RenderSettings(light, map_file, exposure, tonemap, size, None if to is None else os.fspath(to))
-    target = None if to is None else Path(to)
-    if target is not None:
-        check_file(target, ".png")
+    file = None if to is None else Path(to)
+    settings = RenderSettings(
+        light, map_file, exposure, tonemap, size, camera, eye, target, None if to is None else os.fspath(to)
+    )
+    if file is not None:
+        check_file(file, ".png")
+    steps = ProgressSteps(progress)
+    lit = _lit_scene(drawn, settings, steps)
+    words, picture, shown = _sphere(drawn, settings, steps) if lit is None else _scene_picture(*lit, settings, steps)
+    if file is not None:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        picture.write(file)
+    report = picture.report
+    return RenderResult(
+        words, picture.pixels, file, shown, picture.caption, report.exposure, report.curve, report.clipped
+    )
+
+
+def _sphere(drawn: Any, settings: RenderSettings, steps: ProgressSteps) -> "tuple[str, LitPicture, str]":
+    """Return the words for what is drawn, the picture of its sphere, and the light in words."""
+    for name in ("camera", "eye", "target"):
+        if getattr(settings, name) is not None:
+            raise BadInput(where=name, found="it with a sphere", expected="it with a scene that relight wrote")
     is_fit = _is_fit(drawn)
     source, given = (None, given_fit(drawn)) if is_fit else (given_source(drawn), None)
 
     from homofact.brdf.channels import display_of
     from homofact.brdf.source import open_source
-    from homofact.figures.sphere_picture import drawn_sphere
+    from homofact.figures.lit_picture import drawn_sphere
     from homofact.rendering.light import DEFAULT_LIGHT, DirectionalLight
     from homofact.scene.lighting import open_environment
 
-    steps = ProgressSteps(progress)
     steps.stage("reading")
     if given is not None:
         words, reflectance = given.words, given.open()
@@ -139,15 +180,67 @@ def render(
         lit = DEFAULT_LIGHT if settings.light is None else DirectionalLight(settings.light)
     steps.stage("drawing")
     picture = drawn_sphere(
-        reflectance, light=lit, stops=exposure, curve=tonemap, size=size, to_rgb=display_of(reflectance.channels)
+        reflectance,
+        light=lit,
+        stops=settings.exposure,
+        curve=settings.tonemap,
+        size=settings.size or _SIZE,
+        to_rgb=display_of(reflectance.channels),
     )
-    if target is not None:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        picture.write(target)
-    report = picture.report
-    return RenderResult(
-        words, picture.pixels, target, lit.describe(), picture.caption, report.exposure, report.curve, report.clipped
+    return words, picture, lit.describe()
+
+
+def _lit_scene(drawn: Any, settings: RenderSettings, steps: ProgressSteps) -> "tuple[str, LitScene, Camera] | None":
+    """Return the name, the lit objects and the camera of a relit scene or mesh; None for anything else."""
+    place = Path(drawn) if isinstance(drawn, str | os.PathLike) else None
+    if place is not None and PREPARED.is_at(place):
+        raise BadInput(where=place, found="a prepared scene", expected="a relit scene, a fit or a source")
+    if place is not None and not RELIT.is_at(place):
+        return None
+    if place is None and not callable(getattr(drawn, "lit", None)):
+        return None
+
+    from homofact.relighting.relit_mesh import RelitMesh
+    from homofact.relighting.result import RelightResult, open_relit
+    from homofact.scene.cameras import camera_on, chosen_camera
+    from homofact.scene.lighting import open_environment
+
+    steps.stage("reading")
+    found = drawn if place is None else open_relit(place)
+    if not isinstance(found, RelightResult | RelitMesh):
+        return None
+    if settings.light is not None:
+        raise BadInput(where="light", found="it with a relit scene", expected="an environment map")
+    environment = None
+    if settings.environment is not None:
+        environment = open_environment(settings.environment, "environment")
+    steps.stage("lighting the objects")
+    if isinstance(found, RelightResult):
+        camera = chosen_camera(found.cameras, settings.camera)
+        return (found.name if place is None else str(place)), found.lit(environment), camera
+    if settings.camera is not None:
+        raise BadInput(where="camera", found="it with a mesh", expected="an eye, or a scene with cameras")
+    if environment is not None:
+        found.relight(environment)
+    return found.mesh.name, found.lit(), camera_on(found.mesh.positions)
+
+
+def _scene_picture(
+    words: str, lit: "LitScene", camera: "Camera", settings: RenderSettings, steps: ProgressSteps
+) -> "tuple[str, LitPicture, str]":
+    """Return the name, the picture of a lit scene, and the light in words."""
+    from homofact.figures.lit_picture import shown_scene
+
+    width, height = camera.pixels
+    if settings.size is not None:
+        width, height = max(round(width * settings.size / height), 1), settings.size
+    camera = replace(
+        camera, eye=settings.eye or camera.eye, target=settings.target or camera.target, pixels=(width, height)
     )
+    steps.stage("rendering")
+    radiance, coverage = lit.radiance(camera)
+    picture = shown_scene(radiance, coverage, lit.background, settings.exposure, settings.tonemap)
+    return words, picture, lit.background.describe()
 
 
 def _is_fit(drawn: Any) -> bool:

@@ -30,9 +30,9 @@ from homofact.errors import BadInput
 from homofact.evaluation.bar.error_bar import ErrorBars
 from homofact.evaluation.wording import brief_figure
 from homofact.figures.albedo_band import albedo_band
+from homofact.figures.lit_picture import curve_in_words
 from homofact.figures.measured_range import beyond_the_measurement
 from homofact.figures.page import LINE, PicturePage
-from homofact.figures.sphere_picture import curve_in_words
 from homofact.files.atomic import replace_file
 from homofact.linear.threads import in_parallel
 from homofact.rendering.filtered import FilteredMaterial, Surroundings

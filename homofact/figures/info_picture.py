@@ -24,7 +24,7 @@ from torch import Tensor
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
 from homofact.brdf.spectral import LUMINANCE
-from homofact.figures.sphere_picture import PictureReport, caption
+from homofact.figures.lit_picture import PictureReport, caption
 from homofact.figures.words import in_figure
 from homofact.files.atomic import replace_file
 from homofact.geometry.coordinates import rusinkiewicz_angles

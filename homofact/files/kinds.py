@@ -45,6 +45,8 @@ _ENGINE = re.compile(
     r"engine\.json|package\.json|index\.(js|html)|README\.md|lookalike\.glb|brdf\.(mtlx|gdshader|pbrt|bsdf)"
     r"|brdf_materialx\.glsl|brdf_blender\.py"
 )
+# Of a scene's folder: pictures with the names of its cameras.
+_PICTURE = re.compile(r"picture_[a-z0-9-]+\.png")
 # Of a report's site, which has folders: names that a person may have given to files of other folders.
 _SITE = re.compile(r"site\.json|index\.html|(fits|aside|comparison)\.(csv|parquet)")
 _SITE_FOLDERS = {
@@ -68,6 +70,8 @@ def is_ours(entry: Path) -> bool:
         return _SITE_FOLDERS[place.name].fullmatch(entry.name) is not None and _is_file(entry)
     names = _OURS
     if _ENGINE.fullmatch(entry.name) and (place / ENGINE_MARK).is_file() and (place / EXPORT.mark).is_file():
+        return _is_file(entry)
+    if _PICTURE.fullmatch(entry.name) and any((place / kind.mark).is_file() for kind in (RELIT, PREPARED)):
         return _is_file(entry)
     if (place / SITE.mark).is_file():
         if entry.name in _SITE_FOLDERS and not _is_file(entry):

@@ -51,25 +51,44 @@ class LitPoints:
         return PointSight(self.origins, occluder)
 
     def seen(
-        self, lights: Sequence[RoundLight], occluder: Occluder, samples: int, seed: int | None = None
+        self,
+        lights: Sequence[RoundLight],
+        occluder: Occluder,
+        samples: int,
+        seed: int | None = None,
+        finer: int | None = None,
     ) -> np.ndarray:
         """Return the unhidden fraction (S, Q) of the part of each light's disc that is above the surface.
 
-        `samples` rays are traced for each disc. With a `seed`, their pattern is rotated randomly at each point.
+        `samples` rays are traced for each disc, and `finer` instead where some of them are hidden and some are not.
+        With a `seed`, the pattern of rays is rotated randomly at each point.
         """
         found = np.zeros((len(self.origins), len(lights)), np.float32)
         for number, light in enumerate(lights):
             turns = None if seed is None else np.random.default_rng(seed).random(len(self.origins)) * (2 * math.pi)
             for rows in ray_parts(len(self.origins), samples):
-                cones, normals = light.cones(self.origins[rows]), self.normals[rows]
-                near = np.flatnonzero((normals * cones.middle).sum(1) > -np.sin(cones.radius))
-                cones, at = cones.only(near), rows[near]
-                w = cones.directions(samples, None if turns is None else turns[at])
-                above = np.einsum("sj,srj->sr", self.normals[at], w) > 0
-                starts, ends = np.broadcast_to(self.origins[at, None], w.shape), cones.lengths(w)
-                clear = above.copy()
-                clear[above] = ~occluder.blocked(starts[above], w[above], ends[above])
-                found[at, number] = clear.sum(1) / above.sum(1).clip(1)
+                found[rows, number] = self._seen_of(light, occluder, rows, samples, turns)
+            if finer is not None:
+                partly = np.flatnonzero((found[:, number] > 0) & (found[:, number] < 1))
+                for part in ray_parts(len(partly), finer):
+                    rows = partly[part]
+                    found[rows, number] = self._seen_of(light, occluder, rows, finer, turns)
+        return found
+
+    def _seen_of(
+        self, light: RoundLight, occluder: Occluder, rows: np.ndarray, samples: int, turns: np.ndarray | None
+    ) -> np.ndarray:
+        """Return the unhidden fraction (R,) of a light's disc at the points `rows` (R,)."""
+        found = np.zeros(len(rows), np.float32)
+        cones, normals = light.cones(self.origins[rows]), self.normals[rows]
+        near = np.flatnonzero((normals * cones.middle).sum(1) > -np.sin(cones.radius))
+        cones, at = cones.only(near), rows[near]
+        w = cones.directions(samples, None if turns is None else turns[at])
+        above = np.einsum("sj,srj->sr", self.normals[at], w) > 0
+        starts, ends = np.broadcast_to(self.origins[at, None], w.shape), cones.lengths(w)
+        clear = above.copy()
+        clear[above] = ~occluder.blocked(starts[above], w[above], ends[above])
+        found[near] = clear.sum(1) / above.sum(1).clip(1)
         return found
 
 

@@ -19,15 +19,14 @@ from homofact.relighting.lit_points import LitPoints
 from homofact.relighting.lobe import PointSight, SurfacePoints, facing_shares
 from homofact.relighting.mapped_points import bent_back, mapped_points
 from homofact.rendering.light import EnvironmentMap
-from homofact.rendering.sphere import SphereImage
-from homofact.rendering.tonemap import DEFAULT_CURVE, automatic_exposure, tonemap
+from homofact.rendering.tonemap import tonemap_scene
 from homofact.scene.cameras import Camera
 from homofact.scene.meshes import MeshGroup, faded
 from homofact.scene.normal_map import SurfaceNormals
 
 _RAYS = 2
 _STEEP = 0.3
-_SHADOW_RAYS = 8  # to a sun or lamp, from each of a pixel's four points
+_SHADOW_RAYS, _EDGE_RAYS = 16, 64  # to a sun or lamp from each of a pixel's four points; the second in half shadow
 
 
 def picture(
@@ -75,7 +74,7 @@ def picture(
             if lit[number].lobe is not None:
                 found[rays] += _lobe(lit[number], points, rays, shape[2], sight)
             if lights:
-                seen = lifted.seen(lights, occluder, _SHADOW_RAYS, seed=number)
+                seen = lifted.seen(lights, occluder, _SHADOW_RAYS, number, _EDGE_RAYS)
                 found[rays] += lit[number].suns_at(points, seen, sight)
         ends = faded(mesh)
         if ends is not None:
@@ -123,7 +122,5 @@ def surface_points(
 
 def displayed_picture(radiance: np.ndarray, coverage: np.ndarray, exposure: float | None = None) -> np.ndarray:
     """8-bit sRGB (H, W, 3) of a picture: the filmic curve, at the automatic exposure of its objects or a given one."""
-    shown = torch.from_numpy(np.maximum(radiance, 0))
-    chosen = automatic_exposure(SphereImage(shown, torch.from_numpy(coverage))) if exposure is None else exposure
-    whole = SphereImage(shown, torch.ones(coverage.shape, dtype=torch.float64))
-    return tonemap(whole, chosen, curve=DEFAULT_CURVE).pixels.numpy()
+    shown, _ = tonemap_scene(torch.from_numpy(radiance), torch.from_numpy(coverage), exposure)
+    return shown.pixels.numpy()

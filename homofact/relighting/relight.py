@@ -16,7 +16,6 @@ import numpy as np
 
 from homofact.errors import BadInput
 from homofact.linear.threads import in_parallel
-from homofact.meshes.mesh import Mesh
 from homofact.relighting import cube
 from homofact.relighting.haar import transformed
 from homofact.relighting.light_kernels import add_columns, relight_all, shade_all
@@ -88,6 +87,7 @@ class Relit:
 
     A light is an `EnvironmentMap`, a cube map of radiance (6, n, n, 3), a .hdr or .exr file, or the name of one of
     `scene.lighting.NAMED` that is a map. A separate `lobe` uses a new light from the call of `relight` or `ask` on.
+    `environment` is the last light if it was a map.
     """
 
     def __init__(self, transport: WaveletTransport, lobe: SeparateLobe | None = None) -> None:
@@ -98,6 +98,7 @@ class Relit:
         self._change = np.zeros_like(self._light)
         self._order = np.zeros(0, np.int64)
         self.tuples = np.zeros((transport.vertices, transport.factors.terms, 3), np.float32)
+        self.environment: EnvironmentMap | None = None
 
     def relight(self, light: Light) -> None:
         """Change to another light in one step, with all sums computed anew."""
@@ -140,8 +141,10 @@ class Relit:
         return found
 
     def _named(self, light: Light) -> np.ndarray:
-        """Return the coefficients of a light, and store its cells for the lobe."""
-        radiance = light_cube(light, self.transport.settings.cube)
+        """Return the coefficients of a light, and store its cells for the lobe, and the map itself."""
+        opened = opened_light(light)
+        radiance = light_cube(opened, self.transport.settings.cube)
+        self.environment = opened if isinstance(opened, EnvironmentMap) else None
         self._cells = None if self.lobe is None else self.lobe.cells(radiance)
         return _transformed(radiance)
 
@@ -171,16 +174,6 @@ class Relit:
         values = (given.number * given.scale[vector])[order]
         length = np.sqrt(np.bincount(given.index[order], values.astype(np.float64) ** 2, len(self._light)))
         return start, vector[order], values, length
-
-
-class RelitMesh(Relit):
-    """`Relit` with its `mesh`, whose vertices it shades, and `notes` of what was wrong with it."""
-
-    def __init__(
-        self, mesh: Mesh, transport: WaveletTransport, notes: tuple[str, ...] = (), lobe: SeparateLobe | None = None
-    ) -> None:
-        super().__init__(transport, lobe)
-        self.mesh, self.notes = mesh, notes
 
 
 def _transformed(radiance: np.ndarray) -> np.ndarray:

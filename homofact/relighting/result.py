@@ -17,6 +17,8 @@ from homofact.relighting.build import RelitObject
 from homofact.relighting.cube import environment_cube
 from homofact.relighting.harmonic import Harmonic
 from homofact.relighting.lamps import Lamp
+from homofact.relighting.lit import LitObject
+from homofact.relighting.lit_scene import LitScene
 from homofact.relighting.page.skies import PageSky, page_sky
 from homofact.relighting.plan import ObjectPlan
 from homofact.relighting.relight import Light, opened_light
@@ -31,6 +33,7 @@ from homofact.relighting.saved import (
 )  # fmt: skip
 from homofact.relighting.scene_file import RelightSceneFile
 from homofact.relighting.sunlight import Sun
+from homofact.rendering.light import EnvironmentMap
 from homofact.scene.cameras import Camera
 from homofact.scene.folders import read_scene_archive, report_name, write_scene_folder
 
@@ -64,6 +67,8 @@ class RelightResult:
         How each object's transport was chosen, where the scene has a tolerance.
     notes : tuple of str
         Remarks on the scene, one line each.
+    light : EnvironmentMap or None
+        The scene's environment map; None where the scene was read from its folder.
     """
 
     name: str
@@ -75,6 +80,7 @@ class RelightResult:
     pictures: tuple[np.ndarray, ...] = field(default=(), repr=False)
     plans: tuple[ObjectPlan, ...] = field(default=(), repr=False)
     notes: tuple[str, ...] = ()
+    light: EnvironmentMap | None = field(default=None, repr=False)
 
     @classmethod
     def of(
@@ -88,7 +94,9 @@ class RelightResult:
         """Make the result of a scene's file from the objects, report and pictures computed for it."""
         sky = page_sky(file.light.name, file.light, file.settings.cube)
         sums = None if reference is None else tuple(reference)
-        return cls(file.name, tuple(objects), sky, file.cameras, report, sums, tuple(pictures))
+        return cls(
+            file.name, tuple(objects), sky, file.cameras, report, sums, tuple(pictures), light=file.light
+        )  # fmt: skip
 
     @property
     def nbytes(self) -> int:
@@ -114,13 +122,30 @@ class RelightResult:
         `suns`, the suns of the scene's own sky are added; its `lamps` shine under every sky unless they are off. Raises
         BadInput for other lights and points.
         """
-        opened = opened_light(light)
-        sizes = [thing.transport.settings.cube for thing in self.objects]
-        cubes = {
-            size: opened if isinstance(opened, np.ndarray) else environment_cube(opened, size) for size in {*sizes}
-        }
-        pairs = zip(self.objects, sizes, strict=True)
-        return [thing.lit(cubes[size], suns, lamps).shade(eye) for thing, size in pairs]
+        return [each.shade(eye) for each in self._lit(opened_light(light), suns, lamps)]
+
+    def lit(self, light: EnvironmentMap | None = None) -> LitScene:
+        """Return the scene under its own light with its suns, or under another one without them.
+
+        The scene's lamps shine in both. A scene from a folder has its environment map at the folder's resolution,
+        which is lower behind the objects. Raises BadInput for a map that cannot light the scene.
+
+        Examples
+        --------
+        >>> scene = homofact.relight("configs/scenes/relight.toml", vertices=0)
+        >>> radiance, coverage = scene.lit().radiance(scene.cameras[0])
+        """
+        meshes = [each.mesh for each in self.objects]
+        if light is not None:
+            return LitScene(meshes, self._lit(light, suns=False), light)
+        background = self.sky.environment() if self.light is None else self.light
+        return LitScene(meshes, self._lit(self.sky.cube.astype(float), suns=True), background)
+
+    def _lit(self, light: EnvironmentMap | np.ndarray, suns: bool, lamps: bool = True) -> list[LitObject]:
+        """Return each object under a light."""
+        sizes = [each.transport.settings.cube for each in self.objects]
+        cubes = {size: light if isinstance(light, np.ndarray) else environment_cube(light, size) for size in {*sizes}}
+        return [each.lit(cubes[size], suns, lamps) for each, size in zip(self.objects, sizes, strict=True)]
 
     def save(self, folder: str | os.PathLike[str], force: bool = False) -> None:
         """Write the folder that `homofact view` shows, whole or not at all; `force` replaces one that is there.

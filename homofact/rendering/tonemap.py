@@ -85,6 +85,19 @@ def tonemap(image: SphereImage, exposure: float, background: float = _BACKGROUND
     return ToneMapped(pixels, float(clipped))
 
 
+def tonemap_scene(
+    radiance: Tensor, coverage: Tensor, exposure: float | None = None, stops: float = 0.0, curve: str = DEFAULT_CURVE
+) -> tuple[ToneMapped, float]:
+    """Return the picture of objects in front of their surroundings, and its exposure.
+
+    All of `radiance` (H, W, 3) is shown; negative values are black. The default exposure is the automatic one of the
+    pixels with `coverage` (H, W) by objects; `stops` multiplies it by 2**stops. Raises BadInput as `tonemap`.
+    """
+    shown = radiance.clamp_min(0)
+    chosen = (automatic_exposure(SphereImage(shown, coverage)) if exposure is None else exposure) * 2**stops
+    return tonemap(SphereImage(shown, torch.ones_like(coverage)), chosen, curve=curve), chosen
+
+
 def displayed(image: SphereImage, exposure: float, background: float = _BACKGROUND, curve: str = CURVES[0]) -> Tensor:
     """Return the same picture before its rounding to 8 bits: (H, W, 3) in [0, 1], clipped; same errors."""
     if not 0 < exposure < float("inf"):

@@ -1,12 +1,16 @@
 """The pinhole camera of scene files, pictures, fixed views and references, and its rays."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from homofact.errors import BadInput
 from homofact.settings.options import option
+
+# Of the camera without one: its direction, and its distance in radii; a ball fills 40° at 2.9.
+_FRONT, _AWAY = (0.25, 0.35, 1.0), 3.1
 
 
 @dataclass(frozen=True)
@@ -49,6 +53,27 @@ class Camera:
         rays = forward + x[None, :, None] * right + y[:, None, None] * up
         rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
         return rays.reshape(height, across, width, across, 3).swapaxes(1, 2).reshape(height, width, across**2, 3)
+
+
+def chosen_camera(cameras: Sequence[Camera], name: str | None) -> Camera:
+    """Return the camera of a name or a number from 1; the first one for None. Raises BadInput for any other name."""
+    if name is None:
+        return cameras[0]
+    known = {each.name: each for each in reversed(cameras) if each.name} | {
+        str(number): each for number, each in enumerate(cameras, 1)
+    }
+    if name not in known:
+        names = [each.name or str(number) for number, each in enumerate(cameras, 1)]
+        raise BadInput(where="camera", found=repr(name), expected=f"one of {', '.join(names)}")
+    return known[name]
+
+
+def camera_on(positions: np.ndarray) -> Camera:
+    """Return a camera that sees all of the points (V, 3), from the front and a little above."""
+    middle = (positions.min(0) + positions.max(0)) / 2
+    radius = float(np.linalg.norm(positions - middle, axis=1).max())
+    eye = middle + _AWAY * radius * np.array(_FRONT) / np.linalg.norm(_FRONT)
+    return Camera(tuple(eye.tolist()), tuple(middle.tolist()))
 
 
 def check_point(name: str, point: tuple[float, ...]) -> None:

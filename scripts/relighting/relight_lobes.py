@@ -41,7 +41,7 @@ from homofact.relighting.lobe import SeparateLobe
 from homofact.relighting.lobe_table import sun_tables
 from homofact.relighting.map_sun import separate_sun
 from homofact.relighting.precompute import TransportSettings, transport
-from homofact.relighting.relight import RelitMesh
+from homofact.relighting.relit_mesh import RelitMesh
 from homofact.relighting.seen import seen_pixels, seen_vertices
 from homofact.relighting.sunlight import RADIUS, Sun, Sunlight
 from homofact.rendering.environment import read_environment

@@ -36,6 +36,9 @@ OWN: dict[str, tuple[str, str]] = {
     "compare.methods": ("mccool:wi+h,svd", '["mccool:wi+h", "svd"]'),
     "compare.metrics": ("all", '["all"]'),
     "render.light": ("1,0,0.5", "[1, 0, 0.5]"),
+    "render.eye": ("1,0,0.5", "[1, 0, 0.5]"),
+    "render.target": ("1,0,0.5", "[1, 0, 0.5]"),
+    "render.size": ("48", "48"),
     "output.folder": ("some/place", '"some/place"'),
 }
 
@@ -162,7 +165,8 @@ COMMANDS = {
     "compare.chart": "compare", "compare.by_source": "compare", "compare.on": "compare", "compare.textures": "compare",
     "compare.size": "compare", "compare.search": "compare", "output.folder": "factorize", "output.force": "convert",
     "render.light": "render", "render.environment": "render", "render.exposure": "render", "render.tonemap": "render",
-    "render.size": "render", "render.file": "render",
+    "render.size": "render", "render.file": "render", "render.camera": "render", "render.eye": "render",
+    "render.target": "render",
     "fit.method": "factorize", "seed": "factorize",
 }  # fmt: skip
 EVERY = section_options() | {"seed": SEED}

@@ -22,7 +22,7 @@ from homofact.figures.compare_picture import (
     compare_picture,
     relative_difference,
 )
-from homofact.figures.sphere_picture import drawn_sphere
+from homofact.figures.lit_picture import drawn_sphere
 from homofact.files.atomic import replace_file
 from homofact.rendering.sphere import SphereImage, render_sphere
 from homofact.rendering.tonemap import automatic_exposure, tonemap

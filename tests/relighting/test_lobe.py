@@ -29,7 +29,7 @@ from homofact.relighting.lobe_light import BRIGHT, LightCells, morton_order
 from homofact.relighting.lobe_table import LobeTable, lobe_table
 from homofact.relighting.picture import picture, surface_points
 from homofact.relighting.precompute import TransportSettings, transport
-from homofact.relighting.relight import RelitMesh
+from homofact.relighting.relit_mesh import RelitMesh
 from homofact.relighting.seen import SeenVertices, seen_pixels, seen_vertices
 from homofact.relighting.sight import SIGHT, VertexSight, kept_sight, seen_part, sight_words, traced_sight
 from homofact.relighting.tracer import Tracer

@@ -8,7 +8,7 @@ from homofact.brdf.analytic import Lambert
 from homofact.meshes.shapes import sphere
 from homofact.relighting.lobe import facing_shares
 from homofact.relighting.picture import picture
-from homofact.relighting.relight import RelitMesh
+from homofact.relighting.relit_mesh import RelitMesh
 from homofact.rendering.light import EnvironmentMap
 from homofact.scene.cameras import Camera
 from homofact.scene.meshes import MeshGroup

@@ -76,6 +76,16 @@ def test_a_folder_holds_everything_and_comes_back(ready: RelightScene, tmp_path:
     assert open_relit(tmp_path / "out").report == {"bytes": 7}
 
 
+def test_pictures_of_earlier_cameras_go_and_a_person_s_files_stay(ready: RelightScene, tmp_path: Path) -> None:
+    objects, shown, out = relit_objects(ready), np.full((4, 5, 3), 77, np.uint8), tmp_path / "out"
+    for name in ("left", "right"):
+        file = replace(ready.file, cameras=(Camera((1.0, 2.0, 3.0), name=name),))
+        RelightResult.of(file, objects, {}, [shown]).save(out, force=True)
+        (out / "notes.png").write_bytes(b"mine")
+    names = sorted(each.name for each in out.iterdir())
+    assert names == ["notes.png", "picture_right.png", "relight.json", "relight.npz"]
+
+
 @pytest.mark.slow
 def test_a_planned_scene_keeps_its_forms_in_the_folder(tmp_path: Path) -> None:
     """An overcast sky over matt things: nine numbers a vertex, there and back."""

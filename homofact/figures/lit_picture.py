@@ -1,4 +1,4 @@
-"""Write one lit sphere as a picture file, and describe its rendering in words."""
+"""Pictures of one lit sphere or scene: tone-mapped, described in words, and written to a file."""
 
 import os
 from collections.abc import Sequence
@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+import torch
 from PIL import Image, PngImagePlugin
 
 from homofact.brdf.reflectance import Reflectance
@@ -13,7 +14,7 @@ from homofact.files.atomic import replace_file
 from homofact.rendering.filtered import draw_sphere
 from homofact.rendering.light import DEFAULT_LIGHT, DirectionalLight, EnvironmentMap, Light
 from homofact.rendering.surface import ToRgb
-from homofact.rendering.tonemap import DEFAULT_CURVE, automatic_exposure, tonemap
+from homofact.rendering.tonemap import DEFAULT_CURVE, automatic_exposure, tonemap, tonemap_scene
 
 
 class PictureReport(NamedTuple):
@@ -25,8 +26,8 @@ class PictureReport(NamedTuple):
 
 
 @dataclass(frozen=True)
-class SpherePicture:
-    """A rendered sphere: pixels (n, n, 3) uint8, a report of its rendering, and a caption with these figures."""
+class LitPicture:
+    """A picture: pixels (H, W, 3) uint8, a report of its rendering, and a caption with these figures."""
 
     pixels: np.ndarray
     report: PictureReport
@@ -50,7 +51,7 @@ def drawn_sphere(
     size: int = 512,
     view: tuple[float, float, float] = (0.0, 0.0, 1.0),
     to_rgb: ToRgb | None = None,
-) -> SpherePicture:
+) -> LitPicture:
     """Render a sphere under the lights and tone-map it.
 
     `exposure` is a factor; by default it is `automatic_exposure`. `stops` multiplies it by 2**stops. Raises BadInput
@@ -60,7 +61,16 @@ def drawn_sphere(
     factor = (automatic_exposure(image) if exposure is None else exposure) * 2**stops
     shown = tonemap(image, factor, curve=curve)
     report = PictureReport(factor, shown.clipped, curve)
-    return SpherePicture(shown.pixels.numpy(), report, caption(light, report))
+    return LitPicture(shown.pixels.numpy(), report, caption(light, report))
+
+
+def shown_scene(
+    radiance: np.ndarray, coverage: np.ndarray, light: EnvironmentMap, stops: float = 0.0, curve: str = DEFAULT_CURVE
+) -> LitPicture:
+    """Tone-map the radiance (H, W, 3) of a scene in front of its light, as `tonemap_scene`."""
+    shown, factor = tonemap_scene(torch.from_numpy(radiance), torch.from_numpy(coverage), stops=stops, curve=curve)
+    report = PictureReport(factor, shown.clipped, curve)
+    return LitPicture(shown.pixels.numpy(), report, caption(light, report))
 
 
 def caption(light: Light | Sequence[Light], report: PictureReport) -> str:
