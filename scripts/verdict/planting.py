@@ -12,6 +12,7 @@ import torch
 
 from homofact.brdf.quality.suspicion.undo import undone
 from homofact.brdf.samples import Samples
+from homofact.brdf.symmetry import ring_numbers
 from homofact.geometry.directions import from_spherical, to_spherical
 
 Plant = Callable[[Samples, float, int], Samples]
@@ -81,10 +82,13 @@ def _drift_with_angle(samples: Samples, strength: float, seed: int) -> Samples:
 
 
 def _bad_ring(samples: Samples, strength: float, seed: int) -> Samples:
-    """One ring of θi, a tenth of all angles, is `strength` too dark."""
+    """One ring of θi is `strength` too dark; of samples that lie on no rings, those in a tenth of all angles."""
     theta = to_spherical(samples.wi)[0]
-    low, high = (theta.quantile(q) for q in (0.3 + 0.05 * (seed % 7), 0.4 + 0.05 * (seed % 7)))
-    inside = (theta >= low) & (theta <= high)
+    if ring_numbers(samples.wi) is None:
+        low, high = (theta.quantile(q) for q in (0.3 + 0.05 * (seed % 7), 0.4 + 0.05 * (seed % 7)))
+    else:
+        low = high = theta.quantile(0.35 + 0.05 * (seed % 7))
+    inside = (theta >= low - 1e-6) & (theta <= high + 1e-6)
     return replace(samples, values=samples.values * torch.where(inside, 1 - strength, 1.0)[:, None])
 
 

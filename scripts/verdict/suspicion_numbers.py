@@ -9,8 +9,9 @@ of its strengths, and all checks are asked as `homofact info` asks them. Named r
 whatever else does; accused wrongly: others speak, and it does not. What is planted on a material that cannot show it
 (no highlight, no colours) counts as silent all the same.
 
-On a goniometer's coarse rings few samples lie near the light. There the shadow of the arm is planted on materials of
-the calibration's report part (`drawn_cases.py`), on which no weight of this check was set.
+A goniometer's coarse rings have few samples near the light, and few angles of the light. There the shadow of the arm
+and a bad ring are planted on materials of the calibration's report part (`drawn_cases.py`), on which no weight of these
+checks was set.
 """
 
 import math
@@ -99,33 +100,35 @@ def on_coarse_rings(model: Reflectance, steps: tuple[int, int, int], seed: int) 
 
 
 def asked_on_coarse_rings(folder: Path, materials: int, seed: int) -> Iterator[Said]:
-    """What is said of materials on each of `COARSE`, clean and with the shadow of the arm."""
-    shadow = next(fault for fault in FAULTS if "shadow" in fault.found_as)
+    """What is said of materials on each of `COARSE`, clean, with the shadow of the arm, and with a bad ring."""
+    faults = [fault for fault in FAULTS if {"shadow", "ring"} & {*fault.found_as}]
+    planted = [(None, 0.0), *((fault, strength) for fault in faults for strength in fault.strengths)]
     for number in range(materials):
         case = drawn_case(CasePart.REPORT, number, folder, seed)
         for steps in COARSE:
             clean = on_coarse_rings(case.material, steps, seed + number)
-            for strength in (0.0, *shadow.strengths):
-                samples = shadow.plant(clean, strength, number) if strength else clean
+            for fault, strength in planted:
+                samples = clean if fault is None else fault.plant(clean, strength, number)
                 said = tuple((each.name, each.odds) for each in suspicions(samples))
-                progress(f"{case.name}, rings of {steps}, shadow {strength:g}: {said}")
+                words = "" if fault is None else fault.name
+                progress(f"{case.name}, rings of {steps}, {words or 'clean'} {strength:g}: {said}")
                 name = "×".join(f"{step}°" for step in steps)
-                yield Said(shadow.name if strength else "", strength, name, shadow.found_as, said)
+                yield Said(words, strength, name, () if fault is None else fault.found_as, said)
 
 
 def coarse_table(found: list[Said]) -> str:
-    """Per grid: the clean materials that a check accuses, and how often the shadow of each strength is named."""
-    strengths = sorted({each.strength for each in found} - {0.0})
+    """Per grid: the clean materials that a check accuses, and how often each fault of each strength is named."""
+    planted = sorted({(each.fault, each.strength) for each in found if each.fault}, reverse=True)
     rows = []
     for layout in dict.fromkeys(each.layout for each in found):
         those = [each for each in found if each.layout == layout]
         clean = [each for each in those if not each.fault]
-        others = Counter(name for each in clean for name, _ in each.said if name not in each.right)
-        named = [sum(each.named for each in those if each.strength == strength) for strength in strengths]
-        words = ", ".join(f"{name} {count}" for name, count in others.most_common()) or "–"
-        rows.append((layout, len(clean), sum(each.named for each in clean), words, *named))
-    planted = (f"shadow {strength:g} named" for strength in strengths)
-    return markdown(("steps of θi, θo, Δφ", "materials", "clean: shadow", "clean: others", *planted), rows)
+        accused = Counter(name for each in clean for name, _ in each.said)
+        named = [sum(each.named for each in those if (each.fault, each.strength) == fault) for fault in planted]
+        words = ", ".join(f"{name} {count}" for name, count in accused.most_common()) or "–"
+        rows.append((layout, len(clean), words, *named))
+    heads = (f"{fault} {strength:g}: named" for fault, strength in planted)
+    return markdown(("steps of θi, θo, Δφ", "materials", "clean, but accused", *heads), rows)
 
 
 def asked(folder: Path, materials: int, count: int, seed: int) -> Iterator[Said]:

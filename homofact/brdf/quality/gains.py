@@ -21,7 +21,8 @@ The data leave some choices open, which the model fixes as follows:
 Gains below `LEAST_GAIN` (RMS of the log), and gains that hardly improve the fit, may come from the limits of the smooth
 fit on a clean material. They are reported and not divided out. A few bad rings among good ones also hardly improve the
 fit of all samples. So in this case each suspected ring (`suspicion.ring_steps`) is corrected on its own: its gain
-relative to its neighbours is divided out, one ring after the other.
+relative to its neighbours is divided out, one ring after the other. So it is if there are few rings of θi: gains of all
+of them would be relative to their mean, which a single bad ring moves.
 """
 
 import math
@@ -35,7 +36,7 @@ from torch import Tensor
 
 from homofact.brdf.quality.suspicion.calibration import SAID, log_odds
 from homofact.brdf.quality.suspicion.evidence import LEAST_SAMPLES, Evidence, hats, robust_fit
-from homofact.brdf.quality.suspicion.ring_steps import RingStep, largest_step
+from homofact.brdf.quality.suspicion.ring_steps import FEW_RINGS, RingStep, largest_step
 from homofact.brdf.samples import Samples
 from homofact.brdf.source_names import GAINS
 from homofact.brdf.symmetry import ring_numbers
@@ -47,7 +48,7 @@ BINS, BLOCKS, FEWEST_IN_A_BLOCK = 24, 24, 40
 NOISES = 3.0
 _SMOOTH_DEGREE = 3  # of the polynomial over θo that counts as a smooth gain
 _HARDLY = 0.3  # of the unevenness over θi: what that over θo may be to count as none
-_MOST_BAD, _SAME_RING = 4, 0.05  # rings; degrees
+_MOST_BAD = 4  # rings
 LEAST_GAIN, LEAST_IMPROVEMENT = 0.03, 0.5  # logs: RMS of the gains, fall of the fit's error
 _RIDGE_OF_BASIS, _RIDGE = 1e-4, 3e-3
 _RIDGE_OF_ROWS = 1e-3
@@ -155,7 +156,9 @@ def calibration_of(samples: Samples, kind: str) -> Calibration:
     wi, wo, values = (tensor.cpu().numpy() for tensor in (some.wi, some.wo, some.values))
     evidence = Evidence(wi, wo, values, np.zeros(len(some)))
     found = (_of_rings if kind == "rings" else _of_rows)(some, evidence, index.numpy(), len(samples))
-    return found if found.removed or kind != "rings" else _of_bad_rings(some, evidence, found)
+    rings = _rings(some.wi) if kind == "rings" else None
+    few = rings is not None and len(rings) < FEW_RINGS
+    return found if kind != "rings" or (found.removed and not few) else _of_bad_rings(some, evidence, found)
 
 
 def _of_bad_rings(samples: Samples, evidence: Evidence, found: Calibration) -> Calibration:
@@ -170,10 +173,7 @@ def _of_bad_rings(samples: Samples, evidence: Evidence, found: Calibration) -> C
         bad.append(step)
         ring = gains[step.of]
         ring.logs[_nearest(np.array([step.degrees]), ring.at)] += step.gain
-        theta = _degrees(samples.wi if step.of == "theta_i" else samples.wo)
-        there = np.abs(theta - step.degrees) < _SAME_RING
-        values = np.where(there[:, None], evidence.values * math.exp(-step.gain), evidence.values)
-        evidence = Evidence(evidence.wi, evidence.wo, values, evidence.place)
+        evidence = step.divided_out(evidence)
     if not bad:
         return found
     return replace(found, gains=tuple(gains.values()), bad=tuple(bad))

@@ -7,7 +7,9 @@ import pytest
 import torch
 
 from homofact.brdf.analytic.ggx import GgxBrdf, GgxLobe
-from homofact.brdf.quality.suspicion.ring_steps import ring_numbers_of
+from homofact.brdf.quality.gains import calibrated
+from homofact.brdf.quality.suspicion.evidence import Evidence
+from homofact.brdf.quality.suspicion.ring_steps import largest_step, ring_numbers_of
 from homofact.brdf.quality.suspicion.suspects import suspicions
 from homofact.brdf.samples import Samples
 from homofact.geometry.directions import from_spherical, to_spherical
@@ -60,3 +62,47 @@ def test_scattered_angles_are_put_into_bins() -> None:
     number, count = ring_numbers_of(theta)
     assert count == 18
     assert (number >= 0).all()
+
+
+def few_lights(lights: tuple[int, ...] = (0, 20, 35, 50, 65), noise: float = 0.02) -> Samples:
+    """A goniometer with few angles of the light, on a grid of θo that has them too."""
+    model = GgxBrdf((0.1, 0.2, 0.3), (GgxLobe((1.0, 1.0, 1.0), 0.2, 0.05),))
+    rows = [(float(i), float(o), float(p)) for i in lights for o in range(0, 81, 5) for p in range(0, 181, 20)]
+    i, o, phi = torch.tensor(rows, dtype=torch.float64).deg2rad().T
+    wi, wo = from_spherical(i, i * 0), from_spherical(o, phi)
+    values = model.evaluate(wi, wo)
+    noisy = values * torch.exp(noise * torch.randn(values.shape, generator=torch.Generator().manual_seed(0)).double())
+    return Samples(wi, wo, noisy, isotropic=True)
+
+
+@pytest.mark.parametrize("degrees", [0.0, 20.0, 35.0, 65.0])
+@pytest.mark.parametrize("share", [0.4, -0.5])
+def test_a_bad_ring_among_few_is_named_and_divided_out_alone(degrees: float, share: float) -> None:
+    clean = few_lights()
+    bad = darkened(clean, "θi", degrees, share)
+    words = {each.name: each.words for each in suspicions(bad)}["ring"]
+    assert f"θi = {degrees:g}°" in words
+    assert ("darker" if share > 0 else "brighter") in words
+    assert int(re.findall(r"(\d+)%", words)[0]) == pytest.approx(100 * abs(share), abs=5)
+    mended = calibrated(bad, ["rings"])
+    theta = to_spherical(clean.wi)[0].rad2deg()
+    there = (theta - degrees).abs() < 0.01
+    assert torch.equal(mended.values[~there], clean.values[~there])
+    assert mended.values[there] == pytest.approx(clean.values[there], rel=0.05)
+
+
+@pytest.mark.parametrize("lights", [(0, 20, 35, 50, 65), (10, 30, 50, 70), (0, 15, 30, 45, 60, 75)])
+def test_few_clean_rings_are_not_accused(lights: tuple[int, ...]) -> None:
+    for noise in (0.0, 0.03):
+        samples = few_lights(lights, noise)
+        assert "ring" not in [each.name for each in suspicions(samples)]
+        # A smooth loss of light over the angle is no ring.
+        theta = to_spherical(samples.wi)[0]
+        drift = replace(samples, values=samples.values * torch.exp(-0.5 * theta)[:, None])
+        assert "ring" not in [each.name for each in suspicions(drift)]
+
+
+def test_rings_without_swapped_pairs_cannot_be_judged() -> None:
+    clean = few_lights((7, 18, 33, 52))
+    found = largest_step(Evidence.of(darkened(clean, "θi", 33.0, 0.5)))
+    assert found is None or found.of == "theta_o"

@@ -50,8 +50,10 @@ class Check:
     def suspicion(self, evidence: Evidence) -> Suspicion | None:
         """Return the suspicion with its odds, however small; None if the samples cannot decide."""
         figures = self.figures(evidence)
-        if figures is None or not all(np.isfinite(figures)):
-            return None
+        return None if figures is None or not all(np.isfinite(figures)) else self.of_figures(figures)
+
+    def of_figures(self, figures: Figures) -> Suspicion:
+        """Return the suspicion of these figures with its odds, however small."""
         remedy = str(Advice("undo", self.undo, of="convert")) if self.undo else self.remedy
         words = UNDO[self.undo].words if self.words is None else self.words(figures)
         return Suspicion(self.name, float(np.exp(log_odds(self.name, figures))), words, remedy)

@@ -4,19 +4,32 @@ Gains per ring of θi, and then of θo, are columns in the smooth reciprocal fit
 smooth gain over the angle. The step of a ring is its log gain minus the mean of its two neighbours', so a smooth gain
 over the angle has no steps. The usual step is the median over the other rings. The two rings beside the largest step
 are excluded, since their steps come from the same ring.
+
+Few rings have too few steps to show what is usual. If a goniometer has lit the sample from few angles θi, swapped pairs
+of samples therefore replace the smooth fit: f(ωi, ωo) over f(ωo, ωi) is the gain of the ring of ωi over that of ωo,
+whatever the material. The ring whose removal leaves the most equal gains is the one that differs; its step is its log
+gain minus the median of the others', and the usual step is the RMS of what the others differ by, with the error of the
+gain.
 """
 
 import math
 from dataclasses import dataclass
 
 import numpy as np
+import torch
 
-from homofact.brdf.quality.suspicion.evidence import Evidence
+from homofact.brdf.quality.suspicion.evidence import Evidence, robust_fit
 from homofact.brdf.quality.suspicion.geometry import odd_columns
+from homofact.brdf.symmetry import angles_of_pairs, tree_of
 
 BINS = 18
 _FEWEST_RINGS, _FEWEST_ON_A_RING = 6, 12
+_FEWEST_OTHERS = 3
+FEW_RINGS = 8  # fewer leave too few steps
 _CERTAIN_STEP = 0.01  # of logs: what a clean material shows between rings
+_SAME_RING = 0.05  # degrees
+# Of swapped pairs: how far apart in radians, how many pairs and rings at least, and the ridge of their gains.
+_NEAR, _FEWEST_PAIRS, _FEWEST_SWAPPED, _RIDGE = math.radians(0.3), 20, 4, 1e-6
 
 
 @dataclass(frozen=True)
@@ -35,11 +48,22 @@ class RingStep:
         over = math.log(step / (self.usual + _CERTAIN_STEP) + 1e-4)
         return math.log(step + 1e-4), over, float(self.of == "theta_o"), self.degrees, self.gain
 
+    def divided_out(self, evidence: Evidence) -> Evidence:
+        """Return the evidence with the gain of the ring divided out."""
+        w = evidence.wi if self.of == "theta_i" else evidence.wo
+        there = np.abs(np.rad2deg(np.arccos(np.clip(w[:, 2], -1, 1))) - self.degrees) < _SAME_RING
+        values = np.where(there[:, None], evidence.values * math.exp(-self.gain), evidence.values)
+        return Evidence(evidence.wi, evidence.wo, values, evidence.place)
+
 
 def largest_step(evidence: Evidence) -> RingStep | None:
     """Return the ring with the largest step; None if there are too few rings."""
-    found = [_largest_of(evidence, of, w) for of, w in (("theta_i", evidence.wi), ("theta_o", evidence.wo))]
-    return max((step for step in found if step is not None), key=lambda step: step.figures[:2], default=None)
+    of_lights = _largest_of(evidence, "theta_i", evidence.wi)
+    of_views = _largest_of(evidence, "theta_o", evidence.wo)
+    if of_lights is not None:
+        return max(filter(None, (of_lights, of_views)), key=lambda step: step.figures[:2])
+    # A bad ring among few lights makes the smooth fit uneven over θo as well: the clearer of the two is the fault.
+    return max(filter(None, (lone_ring(evidence), of_views)), key=lambda step: step.figures[1], default=None)
 
 
 def ring_numbers_of(theta: np.ndarray) -> tuple[np.ndarray, int]:
@@ -69,7 +93,36 @@ def _largest_of(evidence: Evidence, of: str, directions: np.ndarray) -> RingStep
     steps = (gains[1:-1] - (gains[:-2] + gains[2:]) / 2) * trusted
     largest = int(np.abs(steps).argmax())
     others = np.abs(steps[trusted & (np.abs(np.arange(len(steps)) - largest) > 1)])
-    if len(others) < 3:
+    if len(others) < _FEWEST_OTHERS:
         return None
     at = math.degrees(float(theta[number == largest + 1].mean()))
     return RingStep(of, at, float(steps[largest]), float(np.median(others)))
+
+
+def lone_ring(evidence: Evidence) -> RingStep | None:
+    """Return the ring of few rings of θi that differs most from the others by swapped pairs.
+
+    None if there are `FEW_RINGS` or more, whose steps show it, and if there are too few pairs.
+    """
+    angles = angles_of_pairs(torch.from_numpy(evidence.wi), torch.from_numpy(evidence.wo)).numpy()
+    number, count = ring_numbers_of(angles[:, 0])
+    if count >= FEW_RINGS:
+        return None
+    distance, other = tree_of(angles).query(angles[:, [1, 0, 2]], distance_upper_bound=_NEAR)
+    one = np.flatnonzero(np.isfinite(distance))
+    two = np.asarray(other)[one]
+    kept = (one < two) & (number[one] != number[two]) & (number[one] >= 0) & (number[two] >= 0)
+    one, two = one[kept], two[kept]
+    members = np.eye(count)[number[one]] - np.eye(count)[number[two]]
+    paired = np.flatnonzero(members.any(0))
+    if len(one) < _FEWEST_PAIRS or len(paired) < _FEWEST_SWAPPED:
+        return None
+    logs, weight = evidence.logs
+    members = members[:, paired]
+    gains, _, scale = robust_fit(members, logs[one] - logs[two], np.minimum(weight[one], weight[two]), _RIDGE)
+    rest = [np.delete(gains, ring) - np.median(np.delete(gains, ring)) for ring in range(len(gains))]
+    apart = [float(np.sqrt((each**2).mean())) for each in rest]
+    odd = int(np.argmin(apart))
+    usual = math.hypot(apart[odd], scale / math.sqrt(np.count_nonzero(members[:, odd])))
+    at = math.degrees(float(angles[number == paired[odd], 0].mean()))
+    return RingStep("theta_i", at, float(gains[odd] - np.median(np.delete(gains, odd))), usual)

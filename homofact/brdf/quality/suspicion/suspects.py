@@ -3,7 +3,8 @@
 A wrong direction or an extra cosine looks like many faults at once: rings seem off, the lamp seems to drift, and
 nothing is reciprocal. So the order of the checks matters. Encodings and channels are checked first, on the samples as
 read. Then come directions, and then cosines and π in the values; the likeliest suspicion of each is undone. The
-instrument is checked last, on the corrected samples.
+instrument is checked last, on the corrected samples. Only a bad ring among few lights is undone before all of them:
+swapped pairs show it whatever the material, and such a ring can look like a wrong direction.
 """
 
 from collections.abc import Collection, Iterable, Sequence
@@ -14,6 +15,7 @@ from homofact.brdf.quality.suspicion import conventions, encodings, geometry, in
 from homofact.brdf.quality.suspicion.calibration import SAID
 from homofact.brdf.quality.suspicion.check import Check, Suspicion
 from homofact.brdf.quality.suspicion.evidence import LEAST_SAMPLES, Evidence
+from homofact.brdf.quality.suspicion.ring_steps import lone_ring
 from homofact.brdf.quality.suspicion.undo import UNDO
 from homofact.brdf.samples import Samples
 from homofact.brdf.source_names import DISMISSED
@@ -44,6 +46,12 @@ def suspicions(samples: Samples, seed: int = 0) -> list[Suspicion]:
     dismissed = {*samples.provenance.get(DISMISSED, ()), *(("zeros",) if cut else ())}
     suspicions = _said(_without(dismissed, _COUNTED), evidence)
     suspicions += _said(_without(dismissed, _COLOURS), evidence)[:1]
+    lone = lone_ring(evidence)
+    ring = None if lone is None else CHECKS["ring"].of_figures(lone.figures)
+    if lone is not None and ring is not None and ring.odds >= SAID:
+        evidence = lone.divided_out(evidence)
+        suspicions += [ring] if _without(dismissed, ["ring"]) else []
+        dismissed.add("ring")
     turned = _said(_without(dismissed, [check.name for check in geometry.CHECKS]), evidence)[:1]
     for suspicion in turned:
         evidence = undone_evidence(evidence, suspicion.name)
