@@ -191,8 +191,8 @@ def test_light_in_unmeasured_directions_is_named_where_it_is_more_than_the_bar()
     assert not last.rests_on_extrapolation
     assert "75°" in found.extrapolated_sentence()
     # The sentence states the limit of the other angles, and names this one.
-    assert f"within {percent(max(bar.error or 0 for bar in found.by_angle[:-1]))} at " in found.sentence()
-    assert f"° and within {percent(wrong.error or 0)} at 60–75° (partly extrapolated)" in found.sentence()
+    assert f"within {percent(max(bar.error or 0 for bar in found.by_angle[:-1]))} at 0–60°" in found.sentence()
+    assert f"° and {percent(wrong.error or 0)} at 75° (75° partly extrapolated)" in found.sentence()
     assert "extrapolated" not in whole.sentence()
     assert found.interval("albedo", 75).unmeasured == wrong.unmeasured
     again = ErrorBars.of_record(found.record())
@@ -234,8 +234,10 @@ def test_an_angle_between_two_has_an_error_between_theirs() -> None:
 def test_a_bar_that_says_nothing_is_withdrawn() -> None:
     assert ErrorBar.stated("sky", BarKind.RIGHT, 1.01 * MOST, 0.9, (0, 75)).kind is BarKind.WITHDRAWN
     assert ErrorBar.stated("sky", BarKind.RIGHT, math.nan, 0.9, (0, 75)).error is None
-    bar = ErrorBar.stated("sky", BarKind.RIGHT, 0.25, 0.9, (0, 75))
+    bar = ErrorBar.stated("highlight", BarKind.RIGHT, 0.25, 0.9, (0, 75))
     assert (bar.low, bar.high) == (0.8, 1.25)
+    picture = ErrorBar.stated("sky", BarKind.RIGHT, 0.25, 0.9, (0, 75))
+    assert (picture.low, picture.high) == (None, None)
     assert ErrorBar.of(bar.record()) == bar
 
 
@@ -342,5 +344,26 @@ def test_extrapolated_angles_between_others_are_named_apart() -> None:
         for at, (error, share) in errors.items()
     )
     bars = ErrorBars((ErrorBar("albedo", BarKind.RIGHT, 0.04, 0.9, (0.0, 60.0)),), by_angle)
-    # Between 45° and 60° the limit rises to that of 60°.
-    assert "within 4% at 0–30° and 60° and within 4% at 30–60° (partly extrapolated)" in bars.sentence()
+    assert "within 4% at 0–30° and 60° and 3% at 45° (45° partly extrapolated)" in bars.sentence()
+
+
+def test_the_first_and_last_angle_stand_for_what_is_measured_beyond_them() -> None:
+    shares = {5: 0.0, 20: 0.0, 40: 0.2, 60: 0.4}
+    by_angle = tuple(
+        ErrorBar("albedo", BarKind.RIGHT, 0.01 * at / 5, 0.9, (at, at), unmeasured=share)
+        for at, share in shares.items()
+    )
+    bars = ErrorBars((ErrorBar("albedo", BarKind.RIGHT, 0.12, 0.9, (0.0, 70.0)),), by_angle)
+    assert "within 4% at 0–20°, 8% at 40° and 12% at 60–70° (40° and 60–70° partly extrapolated)" in bars.sentence()
+
+
+@pytest.mark.parametrize(
+    ("error", "words"), [(0.0465, "0.955 to 1.047"), (0.174, "0.851 to 1.18"), (4.13, "0.194 to 5.13"), (0.02, "0.98")]
+)
+def test_ranges_are_rounded_outwards_as_limits_are(error: float, words: str) -> None:
+    bar = ErrorBar("albedo", BarKind.RIGHT, error, 0.9, (0.0, 75.0))
+    found = bar.between()
+    assert found.startswith(words)
+    low, high = map(float, found.split(" to "))
+    assert low <= (bar.low or 0)
+    assert high >= (bar.high or 9)

@@ -10,6 +10,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
+from itertools import groupby
 from typing import Any
 
 from homofact.errors import BadInput
@@ -24,6 +25,7 @@ WORDS = {
     "sky": "under a sky",
     "lamp": "under a lamp",
 }
+_PICTURES = ("sky", "lamp")  # their errors are sums of differences, which no ratio of light bounds
 _EDGE = 75.0  # θ in degrees up to which albedos are stated
 _WORTH_SAYING = 0.05  # of the light at an angle: from here on it is said that it leaves where nothing was measured
 _WORTH_A_DIRECTION = 0.01  # an error from here on is said to be too dark or too bright, where that was measured
@@ -50,8 +52,9 @@ class ErrorBar:
         1%), "sky" or "lamp" (the picture of a sphere under this light, Σ|difference|/Σ).
     kind : how the bar was obtained.
     error : the bound of the relative error, 0.09 for 9%; None if the bar is withdrawn.
-    rate : the share of calibration fits whose error is within the bound; 1 for a measured error.
-    degrees : the range of θ in degrees for which the bar is valid.
+    rate : the share of calibration fits whose error is within the bound, 0.9; 1 for a measured error. On fits that the
+        calibration had not seen, the share was 86 to 89% (docs/verdict.md).
+    degrees : the range of measured θ in degrees. The bar of the albedo holds for incidences in this range.
     reason : why the bar is withdrawn or wide, as a clause for a sentence such as "…, so these limits are wider"; ""
         otherwise.
     unmeasured : for the albedo at one angle, the share of the fit's light that leaves in directions without
@@ -99,13 +102,13 @@ class ErrorBar:
 
     @property
     def low(self) -> float | None:
-        """The smallest possible ratio of the source's light to the fit's; None if the bar is withdrawn."""
-        return None if self.error is None else 1 / (1 + self.error)
+        """The smallest possible ratio of the source's light to the fit's; None for pictures, and if withdrawn."""
+        return None if self.error is None or self.quantity in _PICTURES else 1 / (1 + self.error)
 
     @property
     def high(self) -> float | None:
-        """The largest possible ratio of the source's light to the fit's; None if the bar is withdrawn."""
-        return None if self.error is None else 1 + self.error
+        """The largest possible ratio of the source's light to the fit's; None for pictures, and if withdrawn."""
+        return None if self.error is None or self.quantity in _PICTURES else 1 + self.error
 
     def words(self) -> str:
         """Return the bar as text: "highlight within 9% (too dark)", or "highlight unknown" if it is withdrawn.
@@ -122,8 +125,13 @@ class ErrorBar:
         """Return the range of source/fit as text: "0.95 to 1.05", or "unknown" if the bar is withdrawn."""
         if self.low is None or self.high is None:
             return "unknown"
+        # Rounded outwards, as `percent` rounds up.
+        digits = 3 if self.high < 1.1 else 2 - math.floor(math.log10(self.high))
+        low_digits = 3 if self.high < 1.1 else 2 - math.floor(math.log10(self.low))
+        low = math.floor(round(self.low * 10**low_digits, 6)) / 10**low_digits
+        high = math.ceil(round(self.high * 10**digits, 6)) / 10**digits
         form = ".3f" if self.high < 1.1 else ".3g"
-        return f"{self.low:{form}} to {self.high:{form}}"
+        return f"{low:{form}} to {high:{form}}"
 
     def record(self) -> dict[str, Any]:
         """Return a JSON-able dictionary."""
@@ -235,18 +243,24 @@ class ErrorBars:
         return f"{given}: {said}; true for {_often(self.kind, stated[0].rate)} such fits{beyond}"
 
     def _albedo_words(self) -> str:
-        """The albedo's bar in words: where some angles rest on extrapolation, that of the others, and these named."""
+        """The albedo's bar in words: where some angles rest on extrapolation, the limit of the others and of each."""
         albedo = self.bars[0]
         extrapolated = [bar for bar in self.by_angle if bar.rests_on_extrapolation]
         relied_on = [bar for bar in self.by_angle if bar not in extrapolated]
         if not extrapolated or not relied_on or albedo.error is None or any(bar.error is None for bar in relied_on):
             return albedo.words()
-        within = []
-        # Between two angles, the limit is interpolated: an extrapolated range begins and ends at its neighbours.
-        for runs in (_runs(relied_on, self.by_angle), _runs(extrapolated, self.by_angle, margin=1)):
-            error = max(bar.error or 0.0 for run in runs for bar in run)
-            within.append(f"within {percent(error)} at {listed([_range(run) for run in runs])}")
-        return f"{WORDS[albedo.quantity]} {' and '.join(within)} (partly extrapolated)"
+        worst = max(bar.error or 0.0 for bar in relied_on)
+        limits = [f"{percent(worst)} at {listed([self._reach(run) for run in _runs(relied_on, self.by_angle)])}"]
+        limits += [f"{percent(bar.error or 0.0)} at {self._reach([bar])}" for bar in extrapolated]
+        angles = listed([self._reach([bar]) for bar in extrapolated])
+        return f"{WORDS[albedo.quantity]} within {listed(limits)} ({angles} partly extrapolated)"
+
+    def _reach(self, run: Sequence[ErrorBar]) -> str:
+        """Return the angles of a run; the first and the last angle of all stand for what is measured beyond them."""
+        low, high = self.bars[0].degrees
+        first = low if run[0] is self.by_angle[0] else run[0].degrees[0]
+        last = high if run[-1] is self.by_angle[-1] else run[-1].degrees[1]
+        return f"{first:.0f}°" if round(first) == round(last) else f"{first:.0f}–{last:.0f}°"
 
     def by_angle_sentence(self) -> str:
         """Return a sentence that lists the angles of incidence at which the fit is good or bad.
@@ -257,18 +271,14 @@ class ErrorBars:
         --------
         >>> errors = {0: 0.03, 45: 0.1, 75: 0.4}
         >>> bars = [ErrorBar("albedo", BarKind.MEASURED, e, 1.0, (at, at)) for at, e in errors.items()]
-        >>> ErrorBars((), tuple(bars)).by_angle_sentence()
+        >>> whole = ErrorBar("albedo", BarKind.MEASURED, 0.4, 1.0, (0, 75))
+        >>> ErrorBars((whole,), tuple(bars)).by_angle_sentence()
         'by angle of incidence, total reflected light is good at 0–45° (within 10%) and bad at 75° (within 40%)'
         """
-        runs: list[list[ErrorBar]] = []
-        for bar in self.by_angle:
-            if runs and _grade(runs[-1][0]) == _grade(bar):
-                runs[-1].append(bar)
-            else:
-                runs.append([bar])
+        runs = [list(run) for _, run in groupby(self.by_angle, key=_grade)]
         if len(runs) < 2:
             return ""
-        parts = [f"{_grade(run[0])} at {_range(run)}{_within(run)}" for run in runs]
+        parts = [f"{_grade(run[0])} at {self._reach(run)}{_within(run)}" for run in runs]
         joined = " and ".join(filter(None, (", ".join(parts[:-1]), parts[-1])))
         return f"by angle of incidence, total reflected light is {joined}"
 
@@ -311,21 +321,10 @@ def _grade(bar: ErrorBar) -> str:
     return "unknown" if bar.error is None else "good" if bar.error <= GOOD["albedo"] else "bad"
 
 
-def _runs(some: Sequence[ErrorBar], every: Sequence[ErrorBar], margin: int = 0) -> list[Sequence[ErrorBar]]:
-    """Return the bars of `some` in runs of neighbours in `every`, each with `margin` more bars on either side."""
-    runs: list[list[int]] = []
-    for k, bar in enumerate(every):
-        if bar in some:
-            if runs and runs[-1][-1] == k - 1:
-                runs[-1].append(k)
-            else:
-                runs.append([k])
-    return [every[max(run[0] - margin, 0) : run[-1] + 1 + margin] for run in runs]
-
-
-def _range(run: Sequence[ErrorBar]) -> str:
-    first, last = run[0].degrees[0], run[-1].degrees[1]
-    return f"{first:.0f}°" if first == last else f"{first:.0f}–{last:.0f}°"
+def _runs(some: Sequence[ErrorBar], every: Sequence[ErrorBar]) -> list[list[ErrorBar]]:
+    """Return the bars of `some` in runs of neighbours in `every`."""
+    neighbours = groupby(every, key=lambda bar: bar in some)
+    return [list(run) for own, run in neighbours if own]
 
 
 def _within(run: list[ErrorBar]) -> str:
