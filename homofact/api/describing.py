@@ -159,7 +159,7 @@ def _faults_in_words(faults: dict[str, Any]) -> dict[str, Any]:
         "spread_along_the_normal": _spread_in_words(faults["spread_along_the_normal"]),
         "albedo_by_degrees": ", ".join(f"{value:.4g} at {at}°" for at, value in faults["albedo_by_degrees"].items())
         + " (largest channel)",
-        "holes": f"{holes['empty']} of {holes['cells']} cells ({holes['share']:.0%})",
+        "holes": f"{holes['empty']} of {holes['cells']} cells of 15° × 15° × 30° ({holes['share']:.0%})",
     }
     names = {
         "albedo_by_degrees": "albedo",

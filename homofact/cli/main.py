@@ -42,7 +42,11 @@ COMMANDS = (
         "convert",
         "Convert a measurement, a named material or a fit to the format given by the file name extension of OUT.",
     ),
-    (_DATA, "render", "Draw a sphere of a result or a source under a directional light or an environment map."),
+    (
+        _DATA,
+        "render",
+        "Draw a sphere of a result or a source under a light, or a relit scene from any point under any sky.",
+    ),
     (_SCENES, "plan", "Find the smallest representation of each material of a scene within your tolerance."),
     (_SCENES, "relight", "Precompute objects with their shadows, so that you can change their light."),
     (_SCENES, "edit", "Precompute a scene under its light, so that you can edit its materials."),
@@ -88,6 +92,11 @@ class _Command(TyperCommand):
         return [word for word in ("--help", "-h", "--help-all") if word not in own]
 
 
+def _unwrapped(text: str) -> str:
+    """Return paragraphs of a docstring in one line each: the help is as wide as the terminal."""
+    return "\n\n".join(" ".join(each.split()) for each in text.split("\n\n"))
+
+
 class _Commands(Mapping[str, Any]):
     """The commands by name, each loaded when it is needed."""
 
@@ -105,6 +114,7 @@ class _Commands(Mapping[str, Any]):
                 function = getattr(import_module(f"homofact.cli.{name}"), name)
                 alone.command(name, cls=_Command, rich_help_panel=panel)(function)
                 self._loaded[name] = get_command(alone)
+                self._loaded[name].help = _unwrapped(self._loaded[name].help)
         return self._loaded[name]
 
     def __iter__(self) -> Iterator[str]:

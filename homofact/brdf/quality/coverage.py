@@ -16,12 +16,14 @@ from homofact.geometry.coordinates import coordinate_system, rusinkiewicz_angles
 from homofact.geometry.directions import to_spherical
 
 STEPS = 6
+_ROUNDING = 1e-7  # of the grid
 
 
 def holes(samples: Samples) -> dict[str, Any]:
     """Return the share and number of empty cells of the grid, and the number of all cells (JSON-able)."""
     place = (coordinate_system("isotropic-in-out").evaluate(samples.wi, samples.wo) + 1) / 2
-    cells = occupied_cells(place, (STEPS, STEPS, STEPS))
+    # An angle on the border of two cells, such as 15°, belongs to the upper one, whatever its rounding.
+    cells = occupied_cells(place + _ROUNDING, (STEPS, STEPS, STEPS))
     total = STEPS**3
     empty = total - int(torch.unique(cells).numel())
     return {"share": round(empty / total, 4), "empty": empty, "cells": total}

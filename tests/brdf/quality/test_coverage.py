@@ -65,3 +65,16 @@ def test_lights_are_told_apart_by_a_hundredth_of_a_degree_in_either_angle() -> N
     phi = torch.tensor([0.0, 180.0, 0.0, 0.0, -0.02, 100.0], dtype=torch.float64).deg2rad()
     wi = from_spherical(torch.tensor(theta, dtype=torch.float64).deg2rad(), phi)
     assert spread(Samples(wi, wi, torch.ones(6, 1), channels=("Y",), isotropic=False))["lights"] == 5
+
+
+def test_angles_on_the_border_of_two_cells_are_in_the_upper_one() -> None:
+    """Rings of 15° lie on the borders of the grid: their rounding does not decide which cells are empty."""
+    i, o, phi = torch.cartesian_prod(
+        *(torch.arange(first, most, step) for first, most, step in ((15, 76, 15), (15, 76, 15), (0, 181, 30)))
+    ).T
+    found = []
+    for shift in (0.0, 1e-5):
+        angles = [each.double().deg2rad() + math.radians(shift) for each in (i, o, phi)]
+        wi, wo = from_spherical(angles[0], 0 * angles[0]), from_spherical(angles[1], angles[2])
+        found.append(holes(Samples(wi, wo, torch.ones(len(i), 1), isotropic=True))["empty"])
+    assert found == [216 - 5 * 5 * 6] * 2
