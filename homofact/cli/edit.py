@@ -40,8 +40,8 @@ def edit(
         typer.Option(
             metavar="WAY",
             help="With --apply, if the material is a fit: how to put the edit into its textures: texels, solve or"
-            " texture. See docs/editing.md. Default: texels if a texture has the edited angle as an axis, else"
-            " solve.",
+            " texture (the documentation of editing explains them). Default: texels if a texture has the edited angle"
+            " as an axis, else solve.",
         ),
     ] = None,
     refine: Annotated[
@@ -88,7 +88,8 @@ def _prepare(scene: Path, out: Path, force: bool, screen: Screen) -> None:
     if not screen.quiet:
         screen.show(part_table(found.parts), light_line(found.report))
     pictures = counted(len(found.pictures), "picture")
-    stored = f"{figure(found.nbytes / 1e6)} MB, {pictures}"
+    size = sum(file.stat().st_size for file in out.iterdir() if file.is_file())
+    stored = f"{figure(size / 1e6)} MB with its page, {pictures}"
     screen.note(f"The prepared scene: {out} ({stored}); open {out / NAME} in a browser to edit it")
     screen.answer({"folder": str(out), **found.report})
 
@@ -126,4 +127,7 @@ def part_table(parts: "tuple[PartError, ...]") -> Table:
 def light_line(record: dict[str, Any]) -> str:
     """Return a line with the error of the triangles of light and the bands, in each view."""
     errors = ", ".join(f"{view} {error:.2%}" for view, error in record["error"]["lights_and_bands"].items())
-    return f"{record['triangles']} triangles of light and the bands, against a finer division: {errors} (relative RMS)"
+    return (
+        f"Error of dividing the light into {record['triangles']} triangles and the angles into bands: {errors}"
+        " (relative RMS against a finer division)"
+    )

@@ -3,7 +3,7 @@
 A curve is any function of γ with C channels: a formula of a model (`Formula`), piecewise linear between knots
 (`Knots`), or constant on each of J bands (`Bands`, the box functions of Ben-Artzi et al. 2006, eq. 8). Bands are equal,
 or finer near 0 with edges at π/2 (k/J)². Curves over θh and the other angles of highlights use the finer bands: with J
-= 256 the first is .0014° wide, the band at 3° .25°, the last .7°. `banded` converts any curve to bands by its mean over
+= 256 the first is .0014° wide, the band at 3° .13°, the last .7°. `banded` converts any curve to bands by its mean over
 each band, not by its value at the centre (appendix B). So a narrow peak that moves by less than a band still changes
 the picture smoothly. `band_deviation` measures the difference between the curve and its bands.
 """

@@ -52,7 +52,7 @@ class EditedFit:
     def words(self) -> str:
         """Return one line for people."""
         if self.row is not None:
-            return f"fitted again: relative RMS {self.rms:.2%} against the edited material"
+            return f"fitted again: the new fit has a relative RMS error of {self.rms:.2%} against the edited material"
         ways = " and ".join(dict.fromkeys(each.way for each in self.applied))
         rms = f"{self.rms:.2%} against the edited fit"
         if len(self.applied) == 1:

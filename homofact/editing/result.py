@@ -11,28 +11,23 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 
 from homofact.editing.build import open_edit_scene
-from homofact.editing.enlarged import enlarged
 from homofact.editing.errors import PartError
-from homofact.editing.picture import radiance, starting_curves
 from homofact.editing.scene import PreparedScene
 from homofact.editing.scene_file import EditSceneFile, scene_of_record
 from homofact.editing.session import Session
+from homofact.editing.shown import shown_pictures
 from homofact.editing.store import read_prepared, write_prepared
 from homofact.errors import BadInput
 from homofact.files.fields import Fields
 from homofact.files.kinds import PREPARED
-from homofact.rendering.sphere import SphereImage
-from homofact.rendering.tonemap import DEFAULT_CURVE, automatic_exposure, tonemap
 from homofact.scene.file_fits import FileFit, FileFits
 from homofact.scene.folders import report_name, write_scene_folder
 from homofact.scene.materials import Stage
 
 REPORT = report_name(PREPARED)
 FORMAT, FORMAT_VERSION = "homofact editing scene", 1
-_WIDTH, _MOST_TIMES = 640, 8
 _EXPECTED = "a scene that homofact edit prepared"
 
 
@@ -73,7 +68,7 @@ class EditResult:
     @cached_property
     def pictures(self) -> list[np.ndarray]:
         """8-bit sRGB (H, W, 3) of every view as the curves start."""
-        return pictures(self.prepared)
+        return shown_pictures(self.prepared)
 
     def session(self) -> Session:
         """Begin an editing session: curves that are set, undone and kept, and the pictures that they make."""
@@ -97,26 +92,6 @@ class EditResult:
             "report": self.report,
         }
         write_scene_folder(target, PREPARED, archive, record, self.pictures, self.file.cameras, force, self.fits)
-
-
-def pictures(prepared: PreparedScene) -> list[np.ndarray]:
-    """8-bit sRGB (H, W, 3) of every view as curves start: the filmic curve, at the automatic exposure of the first.
-
-    Small views are enlarged to about 640 pixels across, at most eight times.
-    """
-    curves = starting_curves(prepared)
-    found = []
-    for view, camera in enumerate(prepared.scene.cameras):
-        times = min(max(round(_WIDTH / camera.pixels[0]), 1), _MOST_TIMES)
-        found.append(enlarged(prepared, view, radiance(prepared, view, curves), times))
-    exposure = automatic_exposure(SphereImage(_as_rgb(found[0].radiance), found[0].coverage))
-    shown = [SphereImage(_as_rgb(each.radiance), torch.ones_like(each.coverage)) for each in found]
-    return [tonemap(each, exposure, curve=DEFAULT_CURVE).pixels.numpy() for each in shown]
-
-
-def _as_rgb(values: torch.Tensor) -> torch.Tensor:
-    """Return RGB values: one channel as grey, otherwise the first three channels."""
-    return values.expand(*values.shape[:2], 3) if values.shape[2] == 1 else values[..., :3]
 
 
 def open_edit(place: Path, stage: Stage | None = None) -> EditResult:

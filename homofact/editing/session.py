@@ -10,8 +10,10 @@ A part of the picture is recomputed only if one of its own curves changed. A `St
 other curves stay fixed (eq. 26), and every frame adds the few most important wavelets (`wavelets`).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -21,6 +23,7 @@ from homofact.editing.material import Editable, Edited
 from homofact.editing.picture import Address, add_part, factor_of, part_picture, starting_curves, summed_curves
 from homofact.editing.scene import PreparedScene
 from homofact.editing.sender_albedo import mean_weights
+from homofact.editing.shown import shown_pictures
 from homofact.editing.wavelets import TERMS, Incremental
 from homofact.errors import BadInput
 
@@ -92,6 +95,21 @@ class Session:
             raise BadInput(where=where, found=found, expected="a curve with a highlight", hint=hint)
         self.set({address: widened(curve, factor)})
 
+    def scale(self, address: Address, factor: float | Sequence[float]) -> None:
+        """Multiply a curve's values by a factor for all channels, or by one per channel: below 1 it gets darker.
+
+        Raises BadInput for a curve that is not there, and for factors that are not above 0.
+        """
+        curve = self._states[self._now].get(address)
+        if curve is None:
+            known = ", ".join(map(str, self._states[self._now]))
+            raise BadInput(where="address", found=repr(address), expected=f"one of {known}")
+        factors = torch.as_tensor(factor, dtype=torch.float64)
+        channels = len(self.material(address[0]).channels)
+        if factors.shape not in ((), (channels,)) or not bool((torch.isfinite(factors) & (factors > 0)).all()):
+            raise BadInput(where="factor", found=repr(factor), expected=f"a number above 0, or {channels}")
+        self.set({address: Bands(curve.values * factors, curve.finer)})
+
     def keep_albedo(self, address: Address) -> None:
         """Scale a curve, in each channel, until its material has the mean albedo that it had at the start.
 
@@ -115,6 +133,10 @@ class Session:
         own = {address[1:]: curve for address, curve in curves.items() if address[0] == name}
         found = albedo_of(self.material(name).edited(own))
         return torch.from_numpy(mean_weights()) @ torch.tensor(found.values, dtype=torch.float64)
+
+    def shown(self) -> list[np.ndarray]:
+        """Return the views as 8-bit sRGB (H, W, 3), at the exposure of the scene without edits."""
+        return shown_pictures(self.prepared, self._states[self._now])
 
     def undo(self) -> bool:
         """Undo one step; return whether there was one."""

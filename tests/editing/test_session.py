@@ -19,9 +19,9 @@ from homofact.editing.enlarged import enlarged
 from homofact.editing.furnace import albedo_of
 from homofact.editing.picture import radiance, starting_curves
 from homofact.editing.precompute import prepare
-from homofact.editing.result import pictures
 from homofact.editing.sender_albedo import mean_weights
 from homofact.editing.session import Session
+from homofact.editing.shown import shown_pictures
 from homofact.errors import BadInput
 from homofact.rendering.sphere import SphereImage
 from homofact.rendering.tonemap import DEFAULT_CURVE, automatic_exposure, tonemap
@@ -36,7 +36,7 @@ def raised(session: Session, address, factor: float = 2.0) -> Bands:
 
 def test_written_pictures_have_the_exposure_and_curve_of_all_pictures_for_people() -> None:
     prepared = prepared_paint("full")
-    found = pictures(prepared)
+    found = shown_pictures(prepared)
     times = found[0].shape[1] // prepared.scene.cameras[0].pixels[0]
     values = [radiance(prepared, view, starting_curves(prepared)) for view in range(len(found))]
     large = [enlarged(prepared, view, each, times) for view, each in enumerate(values)]
@@ -326,3 +326,47 @@ def test_a_curve_over_both_directions_keeps_the_albedo_too() -> None:
     assert torch.allclose(torch.tensor(session.albedo("clay").values), 1.69 * before)
     session.keep_albedo(address)
     assert torch.allclose(torch.tensor(session.albedo("clay").values), before)
+
+
+def test_scaled_curves_make_darker_pictures_at_the_exposure_of_the_start() -> None:
+    session = Session(prepared_paint("full"))
+    before, start = session.picture(0), session.shown()
+    assert all(np.array_equal(one, other) for one, other in zip(start, shown_pictures(session.prepared), strict=True))
+    for address in (HALF, FLOOR_OUT):
+        was = session.curves[address].values
+        session.scale(address, 0.5)
+        assert torch.equal(session.curves[address].values, 0.5 * was)
+    assert set(session.changed) == {HALF, FLOOR_OUT}
+    assert float(session.picture(0).sum()) < 0.8 * float(before.sum())
+    # The same exposure shows the difference; an automatic one would hide it.
+    assert session.shown()[0].astype(float).mean() < 0.93 * start[0].astype(float).mean()
+    session.undo()
+    session.undo()
+    assert np.array_equal(session.shown()[0], start[0])
+
+
+def test_a_factor_per_channel_scales_each_channel() -> None:
+    session = Session(prepared_paint("full"))
+    channels = len(session.material("floor").channels)
+    before = session.curves[FLOOR_OUT].values
+    session.scale(FLOOR_OUT, [0.5, *[1.0] * (channels - 1)])
+    after = session.curves[FLOOR_OUT].values
+    assert torch.equal(after[:, 0], before[:, 0] * 0.5) or torch.equal(after, before * 0.5)
+    assert torch.equal(after[:, 1:], before[:, 1:])
+
+
+@pytest.mark.parametrize(
+    ("address", "factor", "where"),
+    [
+        (("paint", "x", "y"), 0.5, "address"),
+        (HALF, 0.0, "factor"),
+        (HALF, float("nan"), "factor"),
+        (HALF, [1, 2], "factor"),
+    ],
+)
+def test_what_cannot_be_scaled_is_refused(address: tuple[str, str, str], factor: object, where: str) -> None:
+    session = Session(prepared_paint("full"))
+    with pytest.raises(BadInput) as error:
+        session.scale(address, factor)  # type: ignore[arg-type]
+    assert error.value.where == where
+    assert not session.changed
