@@ -134,7 +134,7 @@ def export(
     format : str, optional
         The textures' format, such as "exr", "png8" or "ktx2". Default: the value of `quantize`. Without `quantize`, a
         fit that is an 8-bit or 16-bit export (such as `plan` writes) keeps its format and texels. Any other fit is
-        written as "exr", or in the engine's first format.
+        written as "exr", or as "exr16" for the engines "three" and "godot".
     quantize : {"png8", "png16"}, optional
         Solve for the best texels of 8 or 16 bits, instead of rounding each by itself.
     engine : str, optional

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from homofact.api.result import Fit
     from homofact.brdf.source import Source
     from homofact.evaluation.compare import ComparisonRow, FitWithErrors
+    from homofact.evaluation.verdict.verdict import Verdict
     from homofact.factor.fitted import Fitted
     from homofact.methods.method import Method
 
@@ -51,8 +52,8 @@ class FactorizeResult:
     left_out : str
         What was not written because a library is missing; otherwise empty.
     model : FitWithErrors or None
-        A GGX model that is as good as the fit on the held-out samples or better; None if homofact tried none or its
-        errors are larger.
+        A GGX model that is as good as the fit on the held-out samples or better, usually with far fewer bytes; None if
+        homofact tried none or its errors are larger.
     """
 
     folder: Path
@@ -65,7 +66,22 @@ class FactorizeResult:
 
     def __repr__(self) -> str:
         """Name the folder, the fit and its verdict."""
-        return f"<FactorizeResult in {self.folder}: {self.fit!r}: {self.row.verdict.summary}>"
+        return f"<FactorizeResult in {self.folder}: {self.fit!r}: {self.verdict.summary}>"
+
+    def __str__(self) -> str:
+        """Return the verdict with its findings in lines, and the model that is as good, if there is one."""
+        bars = self.verdict.bars
+        sentences = [self.verdict.summary, bars.by_angle_sentence(), bars.extrapolated_sentence()]
+        lines = [f"{self.fit!r} in {self.folder}", *filter(None, sentences)]
+        lines += [f"{each.name}: {each.found}" for each in self.verdict.findings]
+        if self.model is not None:
+            lines.append(f"as good on the held-out samples, or better: {self.model.factorization!r}")
+        return "\n".join(lines)
+
+    @property
+    def verdict(self) -> "Verdict":
+        """The verdict on the fit."""
+        return self.row.verdict
 
     @property
     def row(self) -> "ComparisonRow":
@@ -123,7 +139,7 @@ def factorize(
     progress : callable, optional
         Called with a `ProgressStep` on the way.
     **settings
-        Settings of a method that you give by name.
+        Settings of the method that you give by name, or of `Search` without one, such as `textures=2`.
 
     Returns
     -------

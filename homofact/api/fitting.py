@@ -10,6 +10,7 @@ same = homofact.load("paint.npz")
 from dataclasses import replace
 from typing import Any
 
+from homofact.api.progress import Progress, ProgressSteps
 from homofact.api.result import Fit
 from homofact.api.subjects import given_method
 from homofact.brdf.samples import Samples
@@ -19,24 +20,23 @@ from homofact.evaluation.artefacts.look import look_for_artefacts
 from homofact.evaluation.metrics import measure
 from homofact.evaluation.split import Split
 from homofact.evaluation.verdict.judge import judge
-from homofact.methods.fitting import ProgressCallback
 from homofact.methods.method import Method
 
 
-def fit(source: Any, method: Method | None = None, *, progress: ProgressCallback | None = None, **settings: Any) -> Fit:
+def fit(source: Any, method: Method | None = None, *, progress: Progress | None = None, **settings: Any) -> Fit:
     """Factor all samples of a source into a few small textures.
 
-    No samples are held out, and the fit's split records this. The verdict judges the fit on its training samples, so it
-    cannot detect overfitting; isotropic samples are rotated to random azimuths first.
-    `homofact.evaluation.compare.fit_and_measure` measures the error on held-out samples. If you pass bare `Samples` or
-    arrays, the fit has no split, and ε is the value for noise-free data. For measured samples, pass `epsilon` (1e-2 if
-    you expect zeros and noise), or `read` them first.
+    No samples are held out, so the verdict judges the fit on the samples that it was fitted to, and cannot detect
+    overfitting. (It rotates isotropic samples to random azimuths before it judges.) `factorize` and
+    `homofact.evaluation.compare.fit_and_measure` measure the error on held-out samples. If you pass bare `Samples` or
+    arrays, ε is the value for noise-free data. For measured samples, pass `epsilon` (1e-2 if you expect zeros and
+    noise), or `read` them first.
 
     Parameters
     ----------
     source : a source that `homofact.read` returned, or anything that it accepts.
     method : `Search` (the default), `Cole`, `McCool`, `Svd`, `Nmf`, or a model: `Ggx`, `Gaussians`, `Npf`, `Nbrdf`.
-    progress : called with a `FitProgress` now and then.
+    progress : called with a `ProgressStep` on the way.
     settings : settings of `Search`, if you give no method.
 
     Returns
@@ -62,11 +62,14 @@ def fit(source: Any, method: Method | None = None, *, progress: ProgressCallback
         given = source_of(source)
         method = method if method.epsilon is not None else replace(method, epsilon=given.default_epsilon)
         samples, _ = Split.of(given, 0.0, method.seed).parts(given)
-    made = method.fit(samples, progress)
+    steps = ProgressSteps(progress)
+    steps.stage(f"fitting {method.name}")
+    made = method.fit(samples, steps)
     # What judges a fit works on the processor.
     samples = samples.to("cpu")
     turned = samples.rotated_at_random(method.seed)
     fitted = made.factorization
+    steps.stage("measuring")
     errors = measure(fitted, turned, fitted.transform)
     seen = None if given is None else appearance(fitted, given)
     look = look_for_artefacts(fitted, samples if given is None else given)

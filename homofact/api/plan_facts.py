@@ -69,7 +69,7 @@ def _rows(found: Mapping[str, Any]) -> dict[str, Any]:
             if each.get(step) is not None:
                 rows[f"{step.replace('_', ' ')} {name}"] = _step(each[step])
             elif step == "larger" and each.get("best_larger") is not None:
-                rows[f"larger {name}"] = "none helps: no larger one that was tried has a clearly smaller error"
+                rows[f"larger {name}"] = "none helps: no larger one is clearly better, as measured or expected"
     for name, each in zip(names, distinct, strict=True):
         if each["verdict"] is not None:
             rows[f"verdict on {name}"] = each["verdict"]["summary"]

@@ -30,8 +30,8 @@ def export(
         typer.Option(
             "--format",
             help=f"Format of the textures: {', '.join(FORMAT_NAMES)}; or html, the page of homofact view."
-            " Default: the format of --quantize. If RESULT is itself an export with 8 or 16 bits, its format."
-            " Otherwise the default of --engine, or exr.",
+            " Default: with --quantize, that format. An export of 8 or 16 bits keeps its own format. Any other fit"
+            " is written as exr, or as exr16 with --engine three or godot.",
             show_default=False,
         ),
     ] = None,

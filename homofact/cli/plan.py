@@ -138,7 +138,7 @@ def _show_transport(found: "TransportPlan", screen: Screen) -> None:
 
 
 def doubt_lines(verdicts: "Mapping[str, Verdict | None]", missed: Collection[str] = ()) -> list[str]:
-    """Return a line on the warned choices that meet the tolerance, and one on those that miss it.
+    """Return a line on the untrusted choices that meet the tolerance, and one on those that miss it.
 
     `missed` contains the labels of `verdicts` whose choices miss the tolerance. These choices are only the closest
     found.
@@ -152,8 +152,8 @@ def doubt_lines(verdicts: "Mapping[str, Verdict | None]", missed: Collection[str
     ):
         if group:
             many = len(group) > 1
-            whose, warn = f"the verdict{'s' * many} on {'; '.join(group)}", "they warn" if many else "it warns"
-            lines.append(f"{begin} {whose} below: {warn} of errors {beside}.")
+            whose, name = f"the verdict{'s' * many} on {'; '.join(group)}", "they name" if many else "it names"
+            lines.append(f"{begin} {whose} below: {name} faults {beside}.")
     return lines
 
 

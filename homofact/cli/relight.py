@@ -96,10 +96,11 @@ _COARSE = math.sqrt(2)
 _ASIDE = ("psnr", "below_zero", "vertices")
 _BESIDE = 4  # objects of a table of errors
 _ERRORS = (
-    'Relative RMS error of the light towards the first camera. "picture": all errors, per pixel. "together": all errors'
-    ' except interpolation between vertices, per vertex. "rim": "together" at vertices with cosθo below 0.2. "below'
+    'Relative RMS error of the light towards the first camera. "picture": all errors, measured at pixels. "together":'
+    " all errors but the interpolation between vertices, measured at vertices; as these are other points, it can be"
+    ' larger. "rim": "together" at vertices with cosθo below 0.2. "below'
     ' zero": share of negative light. Other errors: one stage alone. The reference uses the same fits, so these errors'
-    " exclude those of the fits: see their verdicts"
+    " exclude those of the fits, which `homofact info` of a fit's folder prints"
 )
 
 

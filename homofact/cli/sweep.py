@@ -91,9 +91,11 @@ def summary_table(rows: "Sequence[FitRow]") -> Table:
     """Return one line per method: the number of fits, and medians over them."""
     from homofact.sweeps.summary import by_label, middle
 
-    table = plain_table("Medians over all materials and seeds (albedo, peak: the factor off)")
+    table = plain_table(
+        "Medians over all materials and seeds (albedo, highlight: the factor by which the light is wrong, 1 is right)"
+    )
     add_names(table)
-    add_figures(table, "fits", "trusted", "bytes", "fit, s", "log mse", "albedo", "peak", "sky dB")
+    add_figures(table, "fits", "trusted", "bytes", "fit, s", "log mse", "albedo", "highlight", "sky dB")
     for label, some in by_label(rows).items():
         figures = [figure(middle(some, name)) for name in ("log_mse", "albedo_worst", "highlight", "psnr_sky")]
         size, seconds = (median(getattr(row, name) for row in some) for name in ("bytes", "seconds"))

@@ -126,7 +126,7 @@ def grade_table(scores: Mapping[str, float], pair: str = "fit and source") -> Ta
 
     law = opinion_table().law
     table = plain_table(
-        f"By people (expected mean grade of 30 people who compare pictures of {pair}, 1 very poor to"
+        f"Grade that people would give (expected mean of 30 people who compare pictures of {pair}, 1 very poor to"
         f" 5 excellent; identical pictures get {identical_grade()})"
     )
     add_names(table)

@@ -53,7 +53,9 @@ def latex_of(fits: Sequence[MeasuredFit], by_source: bool = False, notes: Sequen
     listed_seeds = ", ".join(map(str, seeds))
     of = f"{counted(len(sources), 'source')} with {counted(len(seeds), 'method seed')} ({listed_seeds})"
     of += f" and {counted(len(splits), 'split')} (choices of the held-out samples)" if len(splits) > 1 else ""
-    within = f"in parentheses: over the {repeated_by(len(seeds), len(splits))} of a source"
+    repeats = repeated_by(len(seeds), len(splits))
+    own = f"; in the rows of one source: over its {repeats}" if groups else ""
+    within = f"over the sources; in parentheses: over the {repeats} of a source{own}"
     two = any(value is not None for row in rows for value in row.within_source.values())
     lines = [
         f"% homofact {__version__}: mean and standard deviation over the fits to {of}, on held-out samples.",
@@ -70,7 +72,7 @@ def latex_of(fits: Sequence[MeasuredFit], by_source: bool = False, notes: Sequen
         *_grouped(groups, rows[0], powers),
         *(_line(row, powers) for row in rows),
         r"\bottomrule",
-        *([_note(rf"$\pm$: over the sources; {within}.", rows[0])] if two else []),
+        *([_note(rf"$\pm$: {within}.", rows[0])] if two else []),
         *_marked(fits, rows[0]),
         r"\end{tabular}",
     ]

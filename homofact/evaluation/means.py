@@ -249,6 +249,9 @@ def settings_in_words(settings: Any) -> str:
     if "bytes" in given:
         given.pop("size", None)
         given["textures"] = f"up to {settings.most_textures}"
+    if settings.name in ("mccool", "cole") and "size" in given:
+        # Their textures have at most so many texels, in the shape that fits the source best.
+        given["size"] = f"up to {given['size']}²"
     if given.get("effort") in DESCENDING and own.get("projections") is None:
         given.pop("restarts", None)
     if settings.name in ("svd", "nmf"):

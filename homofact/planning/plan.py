@@ -64,7 +64,10 @@ class MaterialPlan:
 
     @cached_property
     def needed_orders(self) -> tuple[int, ...]:
-        """Return by lighting the order at which the lobe may be cut, for the `reflected` limit or 5% error."""
+        """Return, for each lighting, the order of spherical harmonics that the lobe needs.
+
+        Without the higher orders, the error of the reflected light is the `reflected` limit, or 5% without this limit.
+        """
         error = dict(self.tolerance.limits).get("reflected", USUAL_ERROR)
         return tuple(order_needed(self.fits.lobes, judge.lighting, error) for judge in self.judges)
 
@@ -124,7 +127,8 @@ class ScenePlan:
     """The plans of all materials in the scene's order; `fits` counts all fits, including those of `one_size`.
 
     `allocated` is true if the bytes are too few for all tolerances, so that they were distributed over the choices.
-    `wanted_bytes` are the bytes of the choices before this distribution, each of which alone is within the budget.
+    `wanted_bytes` is the sum of the bytes of the choices before this distribution. Each of these choices alone is
+    within the budget.
     """
 
     scene: Scene

@@ -59,7 +59,9 @@ _MOST_COLUMNS = 4096
 _SLACK = 1e-6
 _LENGTH_TOLERANCE = 1e-3
 _ASSUMED = "taken as isotropic, because all light has one azimuth; to change this, write a line # isotropic: false"
-_ASSUMED_DEGREES = "angles taken as degrees, because most θ are above π/2; to state the unit, end their names in _deg"
+_ASSUMED_DEGREES = (
+    "angles taken as degrees, because most θ are above π/2; to state the unit, end the names of these columns in _deg"
+)
 
 # Which rows of a column are wrong (N,), and what is said of one.
 _Fault = tuple[Tensor, Callable[[int], BadInput]]

@@ -111,7 +111,7 @@ class Calibration:
             return f"{what}: {', '.join(rings)}; divided out"
         low, high = (math.exp(end(gains.logs.max() if end is max else gains.logs.min() for gains in self.gains))
                      for end in (min, max))  # fmt: skip
-        return f"{what}: {self.rms:.1%} RMS, from {low:.3g} to {high:.3g}; divided out, their mean kept"
+        return f"{what}: {self.rms:.1%} RMS, from {low:.3g} to {high:.3g}; divided out (mean gain 1)"
 
 
 def calibrated(samples: Samples, kinds: Sequence[str]) -> Samples:

@@ -137,7 +137,7 @@ def doubted(angle: TiltAngle, law: str) -> TiltAngle:
     elif angle.undone > (1 - LEAST_GAIN) * angle.misfit:
         gain = 1 - angle.undone / angle.misfit
         only = f"lowers the error by only {gain:.1%}, expected at least {LEAST_GAIN:.0%}"
-        reason = f"undoing a tilt of {angle.degrees:+.3f}° {only if gain > 0 else 'does not lower the error'}"
+        reason = f"the best tilt, {angle.degrees:+.3f}°, {only if gain > 0 else 'does not lower the error'}"
     elif angle.misfit**2 - angle.undone**2 < angle.own**2:
         reason = (
             f"undoing a tilt of {angle.degrees:+.3f}° lowers the error from {angle.misfit:.2%} to {angle.undone:.2%},"

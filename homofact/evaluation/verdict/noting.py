@@ -65,6 +65,11 @@ class Noted:
         return "held-out" if self.figures.light.source_albedo is None else "source's"
 
     @property
+    def bound(self) -> str:
+        """Return "at most" or "at least": `light.off` is nearer to 1 than the mean, by two standard errors."""
+        return "at most" if self.figures.light.off < 1 else "at least"
+
+    @property
     def floor(self) -> str:
         """Text with the smallest error of any reciprocal fit to this source; "" if it is negligible."""
         floor = self.figures.light.floor
@@ -221,11 +226,11 @@ _NOTES = (
           "the system's condition number is {value:.1e}, expected at most {most:.0e}",
           "more smoothing, fewer textures or more samples", _set("smoothing", 1e-3)),
     _Note("light", _F, lambda n: _off(n.figures.light.off), OFF,
-          "the fit reflects {noted.figures.light.off:.3g} of the source's light in {noted.figures.light.off_where},"
-          " expected 1 within {most:.0%}", "more textures or texels", _larger, "off"),
+          "the fit reflects {noted.bound} {noted.figures.light.off:.3g} times the source's light in"
+          " {noted.figures.light.off_where}, expected 1 within {most:.0%}", "more textures or texels", _larger, "off"),
     _Note("highlight", _F, lambda n: _off(n.figures.light.highlight), OFF,
-          "the brightest directions hold {noted.figures.light.highlight:.3g} of the source's light, expected 1 within"
-          " {most:.0%}",
+          "the fit reflects {noted.figures.light.highlight:.3g} times the source's light in the brightest directions,"
+          " expected 1 within {most:.0%}",
           "larger textures, samples within the highlight, less smoothing", _larger, "top"),
     _Note("narrow", _F, _narrow, 1.0,
           "half of the highlight's height lies within a texel or less: textures {value:.2g} times as wide hold it",

@@ -54,7 +54,10 @@ def check_colour(made: Exported, engine: str) -> None:
 def fit_notes(made: Exported) -> str:
     """Return paragraphs of Markdown with the edits of a fit and its verdict, each after an empty line; "" for none."""
     edits = edits_in_words(made.stored.provenance)
-    notes = [f"The fit was edited: {in_markdown(edits)}. Its errors before the edit come on top."] if edits else []
+    notes = []
+    if edits:
+        against = "Figures below compare with the edited material, not with a measurement"
+        notes.append(f"The fit was edited: {in_markdown(edits)}. {against}.")
     if made.verdict is not None:
         notes.append(f"homofact's verdict on the fit: {in_markdown(made.verdict['summary'])}.")
     return "".join(f"\n\n{note}" for note in notes)

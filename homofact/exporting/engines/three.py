@@ -61,7 +61,7 @@ def _files(made: Exported) -> Added:
         "type": "module",
         "main": "index.js",
         "exports": {".": "./index.js"},
-        "files": ["index.js", "index.html", "README.md"],
+        "files": ["index.js"],
         "peerDependencies": {"three": ">=0.160.0"},
     }
     names = {

@@ -92,7 +92,10 @@ def _card(fit: ReportedFit, shown: FitFiles) -> str:
             f"<a class='picture' href='../fits/{shown.picture}'>"
             f"<img src='../fits/{shown.picture}' alt='{safe(words)}' loading='lazy'></a>"
         )
-    settings = ", ".join(f"{name} {value}" for name, value in fit.task.settings.items() if value is not None)
+    given = fit.task.settings
+    # With a number of bytes, the fit chooses number and shapes of its textures.
+    chosen = {"size", "textures"} if given.get("bytes") is not None else set[str]()
+    settings = ", ".join(f"{name} {value}" for name, value in given.items() if value is not None and name not in chosen)
     parts.append(
         f"<details><summary>Settings</summary><p>{safe(fit.task.method)}: {safe(settings)}; {fit.task.held_out:g} of"
         f" the samples held out; homofact {safe(fit.task.version)}; result {row.key}</p></details></section>"
