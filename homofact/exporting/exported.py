@@ -17,6 +17,7 @@ from homofact.brdf.reflectance import Reflectance
 from homofact.containers.exr import exr_channel_names
 from homofact.containers.formats import Format
 from homofact.evaluation.split import without_places
+from homofact.exporting.check_table import CHECK, check_table
 from homofact.exporting.exported_reader import FORMAT, FORMAT_VERSION, MANIFEST
 from homofact.exporting.manifest import conventions, write_json
 from homofact.exporting.prefiltered import PrefilteredExport
@@ -111,7 +112,7 @@ def write_exported(
     engine: str = "",
     files: Mapping[str, str | bytes] | None = None,
 ) -> dict[str, Any]:
-    """Write textures, shaders and manifest to `folder`, or nothing; return the manifest.
+    """Write textures, shaders, manifest and a table to check shaders by to `folder`, or nothing; return the manifest.
 
     It also writes the `files` of an `engine` (`exporting.engines`), and lists their names in engine.json. The manifest
     contains `errors` unchanged. Raises BadInput as `files.folder.check_new_folder`, and if writing to the folder fails.
@@ -131,6 +132,7 @@ def write_exported(
             write_json(place / ENGINE_MARK, {"engine": engine, "files": sorted(files)})
         if made.prefiltered is not None:
             made.prefiltered.put(place, len(made.textures) + 1)
+        write_text(place / CHECK, check_table(made.stored))
         write_json(place / MANIFEST, description)
 
     write_folder(folder, EXPORT, fill, force)
@@ -151,7 +153,7 @@ def export_manifest(made: Exported, errors: Mapping[str, Any]) -> dict[str, Any]
         "A": {"values": fitted.transform.mean.tolist(), "unit": "1/sr", "meaning": "mean of the training samples"},
         "textures": textures,
         **described,
-        "code": {"function": "homofact_evaluate", "files": list(_codes(made))}
+        "code": {"function": "homofact_evaluate", "files": list(_codes(made)), "check": CHECK}
         | ({} if made.sampling is None else {"sampling": SAMPLING}),
         "cost": made.cost.record(),
         "errors": dict(errors),

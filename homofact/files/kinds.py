@@ -34,7 +34,7 @@ SVBRDF = FolderKind("spatially varying fit", "svbrdf.npz")
 BASIS = FolderKind("shared basis", "basis.npz")
 PREPARED = FolderKind("prepared scene", "edit.npz")
 _OURS = re.compile(
-    r"factorization\.npz|manifest\.json|report\.json|compare\.png|view\.html|brdf\.(glsl|hlsl|wgsl|c)"
+    r"factorization\.npz|manifest\.json|report\.json|compare\.png|view\.html|brdf\.(glsl|hlsl|wgsl|c)|brdf_check\.csv"
     r"|prefiltered(_table|_irradiance)?\.[a-z0-9]+|(relight|edit|svbrdf|basis)\.(npz|json)|labels\.png|picture_\d+\.png"
     r"|fit_[^/]+_[0-9a-f]{16}\.npz"
     r"|(texture_\d+|term_\d+_(first|second))(_deviation)?(\.[a-z0-9]+)+"

@@ -68,7 +68,7 @@ def test_every_format_gives_what_it_said_it_would(name: str, tmp_path: Path) -> 
     assert log_difference(fitted, again) < steps[name]
     assert made.cost.nbytes == 2 * FORMATS[name].bytes_of(8, 12, 3)
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == sorted(
-        [*made.names, "brdf.c", "brdf.glsl", "brdf.hlsl", "brdf.wgsl", "manifest.json"]
+        [*made.names, "brdf.c", "brdf.glsl", "brdf.hlsl", "brdf.wgsl", "brdf_check.csv", "manifest.json"]
     )
 
 
