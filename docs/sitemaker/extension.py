@@ -1,13 +1,15 @@
-"""The part of Sphinx that is the site's own: links from citations and from paths in code, formulas without scripts."""
+"""The part of Sphinx that is the site's own: links from citations, paths and types, formulas without scripts."""
 
 import re
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterator
 from html import unescape
 from typing import Any
 
 from docutils import nodes
 from docutils.utils.math import MathError
 from docutils.utils.math.latex2mathml import tex2mathml
+from sphinx.addnodes import pending_xref
 from sphinx.application import Sphinx
 from sphinx.util import logging
 
@@ -17,6 +19,7 @@ from sitemaker.sources import NAMED, page_of
 _MATHML = "http://www.w3.org/1998/Math/MathML"
 _ACCENTS = tuple("~ˆ¯")
 ElementTree.register_namespace("", _MATHML)
+_PAGE = re.compile(r"(?<![\w/.-])docs/([\w/-]+)\.md\b")  # as docstrings and the help of commands name a page
 _LOG = logging.getLogger(__name__)
 _NO_LINKS = (nodes.reference, nodes.title, nodes.literal, nodes.literal_block, nodes.raw, nodes.math, nodes.citation)
 
@@ -24,15 +27,15 @@ _NO_LINKS = (nodes.reference, nodes.title, nodes.literal, nodes.literal_block, n
 def setup(app: Sphinx) -> dict[str, Any]:
     """Register it with Sphinx."""
     app.connect("doctree-resolved", _link)
+    app.add_role("pytype", _type)
     app.add_html_math_renderer("mathml", (_inline, None), (_block, None))
     return {"parallel_read_safe": True, "parallel_write_safe": True}
 
 
 def _link(app: Sphinx, document: nodes.document, page: str) -> None:
-    if page != "references":
-        for text in list(document.findall(nodes.Text)):
-            if not _inside(text, _NO_LINKS):
-                _link_citations(app, text, page)
+    for text in list(document.findall(nodes.Text)):
+        if not _inside(text, _NO_LINKS):
+            _link_text(app, text, page)
     for literal in list(document.findall(nodes.literal)):
         if not _inside(literal, (nodes.reference, nodes.title)):
             _link_file(app, literal, page)
@@ -47,31 +50,55 @@ def _inside(node: nodes.Node, kinds: tuple[type, ...]) -> bool:
     return False
 
 
-def _link_citations(app: Sphinx, text: nodes.Text, page: str) -> None:
+def _link_text(app: Sphinx, text: nodes.Text, page: str) -> None:
+    """Make links of the citations in a text, and of the paths of pages, in the place of which it gets their titles."""
     told = text.astext()
     parts: list[nodes.Node] = []
     last = 0
-    for cited in citations(told):
-        if cited.key is None:
-            continue
-        target = f"{_uri(app, page, 'references')}#{cited.key.lower()}"
-        words = told[cited.start : cited.end]
-        parts += [nodes.Text(told[last : cited.start])] if cited.start > last else []
-        parts.append(nodes.reference("", words, internal=True, refuri=target, classes=["cited"]))
-        last = cited.end
+    for start, end, words, target, kind in sorted([*_cited(app, told, page), *_named_pages(app, told, page)]):
+        parts += [nodes.Text(told[last:start])] if start > last else []
+        parts.append(nodes.reference("", words, internal=True, refuri=target, classes=[kind] if kind else []))
+        last = end
     if parts:
         text.parent.replace(text, [*parts, nodes.Text(told[last:])])
 
 
+_Link = tuple[int, int, str, str, str]
+
+
+def _cited(app: Sphinx, told: str, page: str) -> Iterator[_Link]:
+    for cited in citations(told) if page != "references" else ():
+        if cited.key is not None:
+            target = f"{_uri(app, page, 'references')}#{cited.key.lower()}"
+            yield cited.start, cited.end, told[cited.start : cited.end], target, "cited"
+
+
+def _named_pages(app: Sphinx, told: str, page: str) -> Iterator[_Link]:
+    for match in _PAGE.finditer(told):
+        if match[1] in app.env.found_docs:
+            yield match.start(), match.end(), app.env.titles[match[1]].astext(), _uri(app, page, match[1]), ""
+
+
 def _link_file(app: Sphinx, literal: nodes.literal, page: str) -> None:
     match = NAMED.search(literal.astext())
-    if match is None or re.search(r"[*?<]", literal.astext()):
+    named = _PAGE.fullmatch(literal.astext())
+    if (match is None and named is None) or re.search(r"[*?<]", literal.astext()):
         return
-    target = page_of(match[0])
+    target = page_of(match[0]) if match is not None else named[1] if named is not None else ""
     if target in app.env.found_docs and target != page:
         link = nodes.reference("", "", internal=True, refuri=_uri(app, page, target))
         literal.replace_self(link)
         link += literal
+
+
+def _type(name: str, raw: str, text: str, *more: Any) -> tuple[list[nodes.Node], list[nodes.system_message]]:
+    """The role of a Python type: code in which each class of homofact is its bare name with a link to its page."""
+    code = nodes.literal(raw)
+    for part in re.split(r"(homofact(?:\.\w+)+)", text):
+        short = nodes.Text(part.rpartition(".")[2])
+        known = part.startswith("homofact.")
+        code += pending_xref("", short, refdomain="py", reftype="class", reftarget=part) if known else nodes.Text(part)
+    return [code], []
 
 
 def _uri(app: Sphinx, page: str, target: str) -> str:

@@ -15,6 +15,8 @@ from sitemaker.navigation import ROOT
 
 NAMED = re.compile(r"(?<![\w/.-])(?:scripts|configs|homofact|tests|data_synthetic)/[\w./-]+\.(?:py|toml|html|json)\b")
 _LANGUAGE = {".py": "python", ".toml": "toml", ".html": "html", ".json": "json", ".tex": "latex"}
+# After these a sentence goes on.
+_SHORT = {"al.", "cf.", "e.g.", "eq.", "eqs.", "fig.", "figs.", "i.e.", "vs."}
 
 
 def named_files(text: str) -> set[str]:
@@ -65,4 +67,11 @@ def _page(path: str, naming: list[str], pages: Mapping[str, str]) -> str:
 def summary(path: str) -> str:
     """The first sentence of a program's or module's docstring, fit for a cell of a table."""
     told = ast.get_docstring(ast.parse((ROOT / path).read_text(encoding="utf-8"))) or ""
-    return re.split(r"(?<=\.)\s", " ".join(told.split("\n\n")[0].split()))[0].rstrip(":").replace("|", "\\|")
+    return first_sentence(told).rstrip(":").replace("|", "\\|")
+
+
+def first_sentence(text: str) -> str:
+    """The first sentence of a text; the full stop of "et al." or "eq." ends none."""
+    words = text.split("\n\n")[0].split()
+    ends = (n for n, word in enumerate(words, 1) if word.endswith(".") and word.lstrip("(").lower() not in _SHORT)
+    return " ".join(words[: next(ends, None)])

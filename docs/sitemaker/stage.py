@@ -13,9 +13,10 @@ from pathlib import Path
 
 from sitemaker.commands import command_pages
 from sitemaker.gallery import INDEX, fits, gallery_pages
+from sitemaker.modules import reference_modules
 from sitemaker.navigation import DOCS, ROOT, toctrees, written_pages
 from sitemaker.notebooks import notebook_of
-from sitemaker.reference import reference_modules, reference_pages
+from sitemaker.reference import reference_pages
 from sitemaker.sources import page_of, source_pages, title_of
 
 _LINK = re.compile(r"(?<=\]\()(?![a-z]+:|#)([^()\s]+)(?=\))")

@@ -1,23 +1,31 @@
-"""Estimate the time of several fits before they start, and refine the estimate after each fit.
+"""Estimate the time that is left: before the first part, and from the finished parts on this machine after each.
 
 The model gives the seconds of a fit on one thread of an AMD EPYC processor at 3 GHz. The ratio of measured to modelled
-seconds of finished fits accounts for another machine or for unusual settings. The estimate multiplies the modelled
-seconds of the remaining fits by this ratio.
+seconds of finished parts accounts for another machine or for unusual settings. The estimate multiplies the modelled
+seconds of the remaining parts by this ratio. It is a range: without a finished part of a kind, its parts may take half
+or twice the expected time. The range narrows with every finished part, and words name one number only if it is within
+a factor of 2.
 """
 
 import math
+import time
 from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
-from homofact.brdf.source import Source
 from homofact.methods.cole import Cole
 from homofact.methods.effort import units
+from homofact.methods.mccool import McCool
 from homofact.methods.method import Method
-from homofact.methods.models import MODELS, Nbrdf
+from homofact.methods.models import MODELS, Ggx, Nbrdf
 from homofact.methods.search import Search
+
+if TYPE_CHECKING:
+    from homofact.brdf.source import Source
 
 # Seconds of the parts of a fit, measured on the blue paint.
 _SAMPLE_SOLVED = 3e-6  # a sample and texture in a solve
-_CUBE = 2.2e-10  # unknowns³ of a dense solve
+_CUBE, _TEXEL = 4e-11, 6e-4  # unknowns³ of a dense solve, an unknown of a sparse one
 _SAMPLE_MEASURED = 7e-6  # a sample in errors and verdict
 _ALWAYS = 0.3  # the verdict's own pictures of the fit
 _POWELL = 140  # evaluations of Powell's method for a restart of a term
@@ -25,7 +33,13 @@ _EVALUATION, _SAMPLE_EVALUATED = 5e-4, 2.9e-7  # of an inner problem, for each t
 
 _UNIT = 7e-3  # of `methods.effort`
 _KNOWN = {"quick": 0.3, "normal": 0.37}  # of a search among known mixes of one texture
-_STEP, _MODEL = 7e-4, 5.0  # of a network's training, and a fit of any other model without textures
+_STEP = 7e-4  # of a network's training
+_LOBE, _MODEL, _SAMPLE_MODELLED = 2.5e-5, 1.0, 1e-4  # a sample and lobe of GGX; any other model, and a sample of it
+
+# Seconds that the model counts beside those measured, so that a first part, which also loads libraries, tells little.
+_BESIDE = 1.0
+# A single number is within this factor of both ends of the range together; a range is named up to this factor.
+_CERTAIN, _WIDE = 2.0, 6.0
 
 
 def fit_seconds(settings: Method, samples: int, known_terms: int = 0) -> float:

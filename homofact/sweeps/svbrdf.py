@@ -1,6 +1,6 @@
 """A spatially varying material: clusters of texels, each with its own measurements, fitted under shared projections.
 
-TexelCluster k is the sweep's source number k, and the label map assigns its texels. All clusters are searched together
+Cluster k is the sweep's source number k, and the label map assigns its texels. All clusters are searched together
 (`methods.search_fit.fit_shared`), so that one program with texture arrays evaluates them. Each cluster is also fitted
 separately with the same settings, to measure the cost of sharing.
 """

@@ -21,6 +21,10 @@ PAGE = """# T
 
 Projections are searched (Cole 2002), as Wang, Tran and Luebke (2004, eq. 3) do not; `python scripts/accuracy/seeds.py`.
 Of a map `(Cole 2002)` stays as it stands, with `--size` dashes.
+More in docs/references.md, as {pytype}`list[homofact.A]`.
+
+```{py:class} homofact.A
+```
 
 $$a = \\sqrt{b} + \\tilde f_{nc}$$
 
@@ -56,6 +60,8 @@ def test_a_page_gets_its_links_and_formulas(tmp_path: Path) -> None:
     assert 'href="references.html#wang2004">Wang, Tran and Luebke (2004</a>, eq. 3)' in page
     assert page.count("#cole2002") == 1
     assert '<a class="reference internal" href="source/scripts/accuracy/seeds.py.html"><code' in page
+    assert 'More in <a class="reference internal" href="references.html">References</a>, as <code' in page
+    assert '<span class="pre">list[</span><a class="reference internal" href="#homofact.A" title="homofact.A">' in page
     assert "<msqrt>" in page
     formula = re.sub(r"\s", "", page)
     index = "<mrow><mi>n</mi><mi>c</mi></mrow>"

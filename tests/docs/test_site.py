@@ -16,7 +16,6 @@ from sitemaker import links
 from sitemaker.commands import command_pages, runs_of
 from sitemaker.links import broken_links
 from sitemaker.navigation import DOCS, ROOT, SECTIONS, toctrees, written_pages
-from sitemaker.reference import markdown, reference_modules, reference_pages
 from sitemaker.scripts_page import scripts_page
 from sitemaker.sources import named_files, page_of, script_paths, source_pages, summary, title_of
 from sitemaker.stage import linked_files, turned
@@ -143,29 +142,6 @@ def test_runs_are_told_from_mentions() -> None:
     }  # fmt: skip
 
 
-@pytest.mark.slow
-def test_the_reference_has_what_is_public_and_who_uses_it() -> None:
-    block = "# T\n\n```python\nimport homofact\nhomofact.fit(x, homofact.McCool(size=8))\n```\n"
-    pages = reference_pages({"tutorials/t": block, "a": block.replace("# T", "# A"), "b": "# B"})
-    for module in reference_modules():
-        assert f"](/{module.page}.md)" in pages["api/index"]
-        assert (ROOT / module.path).is_file()
-    assert "Used on: [T](/tutorials/t.md), [A](/a.md)." in pages["api/homofact.methods.mccool"]
-    assert "Used on" not in pages["api/homofact.methods.svd"]
-    mccool = pages["api/homofact.methods.mccool"]
-    assert "- `size` (`int`): Texels per side of a texture. Default: 16." in mccool
-    assert "{py:method} fit(samples:" in pages["api/homofact.methods.method"]
-    assert "{py:function} read(source: Any, *, channels: str='rgb'" in pages["api/homofact.api.reading"]
-    assert "{py:obj}`homofact.methods.mccool.McCool`" in pages["api/homofact"]
-
-
-def test_docstrings_become_markdown() -> None:
-    text = "N samples.\n\nAttributes\n----------\nwi, wo : (N, 3),\n    unit.\nvalues : sr⁻¹.\n\nTakes *args of `*x`."
-    assert markdown(text) == (
-        "N samples.\n\n**Attributes**\n\n- `wi, wo`: (N, 3),\n  unit.\n- `values`: sr⁻¹.\n\nTakes \\*args of `*x`."
-    )
-
-
 def test_uses_are_read_off_imports_and_names_of_the_front_door() -> None:
     found = modules_of(("from homofact.brdf import samples", "import homofact as h\nimport homofact\nhomofact.Svd()"))
     assert {"homofact.brdf", "homofact.brdf.samples", "homofact.methods.svd"} <= found
@@ -238,14 +214,6 @@ def test_what_is_kept_is_not_parsed_again(tmp_path: Path, monkeypatch: pytest.Mo
     (site / "c.html").write_text('<a href="b.html#b">1</a>')
     assert broken_links(site, kept) == (3, 3, [])
     assert parsed[3:] == ['<a href="b.html#b">1</a>']
-
-
-@pytest.mark.slow
-def test_every_function_is_described_once() -> None:
-    """Two descriptions of one name are a warning of the site's builder, which ends the build."""
-    for page, text in reference_pages(PAGES).items():
-        described = re.findall(r"^:+\{py:(?:function|class)\} (\w+)", text, re.MULTILINE)
-        assert len(described) == len(set(described)), page
 
 
 def test_no_page_has_the_name_of_one_that_the_builder_makes() -> None:

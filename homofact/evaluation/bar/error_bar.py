@@ -256,7 +256,7 @@ class ErrorBars:
         return f"{WORDS[albedo.quantity]} within {listed(limits)} ({angles} partly extrapolated)"
 
     def _reach(self, run: Sequence[ErrorBar]) -> str:
-        """Return the angles of a run; the first and the last angle of all stand for what is measured beyond them."""
+        """Return the angles of a run; the first and the last of all angles include what is measured beyond them."""
         low, high = self.bars[0].degrees
         first = low if run[0] is self.by_angle[0] else run[0].degrees[0]
         last = high if run[-1] is self.by_angle[-1] else run[-1].degrees[1]
