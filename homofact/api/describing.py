@@ -159,6 +159,9 @@ def _faults_in_words(faults: dict[str, Any]) -> dict[str, Any]:
         "spread_along_the_normal": _spread_in_words(faults["spread_along_the_normal"]),
         "albedo_by_degrees": ", ".join(f"{value:.4g} at {at}°" for at, value in faults["albedo_by_degrees"].items())
         + " (largest channel)",
+        "scatter": f"{faults['scatter']:.1%} between neighbouring samples: noise, and how much the BRDF curves there"
+        if "scatter" in faults
+        else "",
         "holes": f"{holes['empty']} of {holes['cells']} cells of 15° × 15° × 30° ({holes['share']:.0%})",
     }
     names = {

@@ -305,11 +305,14 @@ def describe(source: Source) -> dict[str, Any]:
     """Return what is in a source, JSON-able: format, units, comments, wavelengths, counts, angles, values, faults.
 
     `units` states the unit and the factors that were divided out. `spread_degrees` is `coverage.spread`. The faults are
-    those found by the reader, those of the whole BRDF (`faults.evaluated_faults`), and the holes (`coverage.holes`).
+    those found by the reader, those of the whole BRDF (`faults.evaluated_faults`), the holes (`coverage.holes`), and
+    the scatter of neighbouring samples (`scatter.local_scatter`), an upper bound of the noise.
     """
     samples = source.samples
     facts = samples.provenance
     values = samples.values
+    scattered = made_of_samples(source.reflectance)
+    scatter = local_scatter(samples) if scattered else None
     ranges = {}
     for name, direction in (("theta_i", samples.wi), ("theta_o", samples.wo)):
         degrees = to_spherical(direction)[0] * (180 / math.pi)
@@ -336,8 +339,9 @@ def describe(source: Source) -> dict[str, Any]:
             for c, name in enumerate(samples.channels)
         },
         "faults": facts.get("faults", {})
-        | evaluated_faults(samples, source.reflectance, own=not made_of_samples(source.reflectance))
-        | {"holes": holes(samples)},
+        | evaluated_faults(samples, source.reflectance, own=not scattered)
+        | {"holes": holes(samples)}
+        | ({} if scatter is None else {"scatter": round(scatter.relative, 6)}),
         "colour": facts.get("colour"),
         "sampling": facts.get("sampling"),
         "gains": facts.get("gains"),
