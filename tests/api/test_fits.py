@@ -12,6 +12,7 @@ import pytest
 import torch
 
 import homofact
+from homofact.api.factorizing import FactorizeResult
 from homofact.brdf.analytic.ggx import GgxBrdf, GgxLobe
 from homofact.brdf.formats.csv import write as write_csv
 from homofact.brdf.sampling import sample_model
@@ -350,6 +351,10 @@ def test_a_model_of_two_lobes_is_named_if_one_errs_clearly_more(tmp_path: Path) 
     assert found.report["model"]["bytes"] == 52
 
 
+def names_of(result: FactorizeResult) -> list[str]:
+    return [each.name for each in result.verdict.findings]
+
+
 def test_a_model_that_errs_no_more_than_the_textures_is_named(tmp_path: Path) -> None:
     model = GgxBrdf((0.1, 0.2, 0.3), (GgxLobe((0.5, 0.4, 0.3), 0.4, 0.05),))
     full = sample_model(model, 400, "discs", 0)
@@ -365,6 +370,13 @@ def test_a_model_that_errs_no_more_than_the_textures_is_named(tmp_path: Path) ->
     assert len(repr(rough)) < 1200
     assert str(rough.folder) in repr(rough)
     assert rough.row.verdict.summary in repr(rough)
+    assert rough.verdict is rough.row.verdict
+    # Printed, it gives the findings and the model too, each in a line.
+    first, *lines = str(rough).splitlines()
+    assert str(rough.folder) in first
+    assert lines[0] == rough.verdict.summary
+    assert [line.partition(":")[0] for line in lines if line.partition(":")[0] in names_of(rough)] == names_of(rough)
+    assert repr(rough.model.factorization) in lines[-1]
     # Without held-out samples nothing tells which is better.
     whole = homofact.factorize(file, tmp_path / "whole", homofact.McCool(size=4), held_out=0)
     assert whole.model is None

@@ -1,6 +1,7 @@
 """Opening a SOURCE and describing it."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -8,6 +9,7 @@ import torch
 from refusals import refused
 
 from homofact.brdf.analytic import Lafortune
+from homofact.brdf.formats.csv import write as write_csv
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.scattered import Scattered
 from homofact.brdf.source import describe, open_source
@@ -107,3 +109,13 @@ def test_description_of_a_material() -> None:
     assert facts["material"]["parameters"]["alpha_y"] == 0.13
     assert facts["wavelengths_nm"] is None
     assert facts["sampling"]["scheme"] == "lobe"
+
+
+@pytest.mark.parametrize("noise", [0.02, 0.1])
+def test_the_scatter_of_a_list_is_its_noise_and_a_model_has_none(noise: float, tmp_path: Path) -> None:
+    samples = open_source("material:phong-10", count=3000, scheme="discs", seed=1).samples
+    random = torch.randn(samples.values.shape, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
+    write_csv(str(tmp_path / "list.csv"), replace(samples, values=samples.values * torch.exp(noise * random)))
+    found = describe(open_source(str(tmp_path / "list.csv")))["faults"]["scatter"]
+    assert noise * 0.8 < found < noise * 1.6
+    assert "scatter" not in describe(open_source("material:phong-10", count=300))["faults"]

@@ -28,6 +28,7 @@ from homofact.evaluation.metric_table import METRICS
 from homofact.evaluation.repeats import asked_seeds
 from homofact.methods.cole import Cole
 from homofact.methods.fitting import FitProgress
+from homofact.methods.mccool import McCool
 from homofact.methods.search import Search
 from homofact.methods.table import ALL_METHODS
 
@@ -286,6 +287,20 @@ def test_numbers_of_a_column_have_one_power_of_ten() -> None:
     # The unit stands beside the power.
     (head, _) = cells(latex_of([replace(FITS[0], values={"mae": 1e-5})]))
     assert head[4].replace(" ", "") == "MAE(10^-5sr^-1)"
+
+
+def test_the_note_names_what_scatters_in_the_rows_of_a_source() -> None:
+    fits = [replace(fit(source, "search", 0, 4, 0.1 + 0.01 * split), split_seed=split)
+            for source in ("paint", "clay") for split in (0, 1)]  # fmt: skip
+    whole, each = (latex_of(fits, by_source).splitlines() for by_source in (False, True))
+    (note,), (of_rows,) = ([line for line in lines if "footnotesize" in line] for lines in (whole, each))
+    assert "rows of one source" not in note
+    assert "rows of one source: over its" in of_rows
+
+
+def test_sizes_are_bounds_where_the_method_chooses_the_shape() -> None:
+    assert "size up to 16²" in settings_in_words(McCool(size=16))
+    assert "size 16" in settings_in_words(Search(size=16))
 
 
 def test_rows_of_sources_share_the_powers_of_the_whole_table() -> None:

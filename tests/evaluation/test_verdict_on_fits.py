@@ -73,6 +73,7 @@ def test_a_band_that_is_off_is_named_with_its_channel_and_chance_is_none() -> No
     (light,) = (each for each in one.findings if each.name == "light")
     assert light.about is About.FIT
     assert one.figures.light.off_where in light.found
+    assert f"at most {one.figures.light.off:.3g} times" in light.found
     # So much noise moves a band of a few hundred samples by less than chance may.
     assert verdict(train=measured(noisy(0.3))).figures.light.off == pytest.approx(1, abs=0.05)
 
@@ -117,7 +118,7 @@ def test_light_that_is_not_the_sources(name: str, ratio: float, found: bool) -> 
     if found:
         (noted,) = one.findings
         assert noted.about is About.FIT
-        assert f"{ratio:.3g} of the source's light" in noted.line()
+        assert f"reflects {ratio:.3g} times the source's light" in noted.line()
         assert f"{MODEL.channels[1]} at θi = 5°" in noted.found or name == "highlight"
     # A fit is bad by its albedo alone: what the highlight lacks is in its own bar.
     assert one.trusted is (name == "highlight" or 1 / 1.15 <= ratio <= 1.15)

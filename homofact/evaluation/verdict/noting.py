@@ -66,8 +66,12 @@ class Noted:
 
     @property
     def bound(self) -> str:
-        """Return "at most" or "at least": `light.off` is nearer to 1 than the mean, by two standard errors."""
-        return "at most" if self.figures.light.off < 1 else "at least"
+        """Return "at most " or "at least ": of samples, `light.off` is nearer to 1 than found, by two standard errors.
+
+        "" for a source that was evaluated everywhere, of which it is exact.
+        """
+        light = self.figures.light
+        return "" if light.source_albedo is not None else "at most " if light.off < 1 else "at least "
 
     @property
     def floor(self) -> str:
@@ -226,7 +230,7 @@ _NOTES = (
           "the system's condition number is {value:.1e}, expected at most {most:.0e}",
           "more smoothing, fewer textures or more samples", _set("smoothing", 1e-3)),
     _Note("light", _F, lambda n: _off(n.figures.light.off), OFF,
-          "the fit reflects {noted.bound} {noted.figures.light.off:.3g} times the source's light in"
+          "the fit reflects {noted.bound}{noted.figures.light.off:.3g} times the source's light in"
           " {noted.figures.light.off_where}, expected 1 within {most:.0%}", "more textures or texels", _larger, "off"),
     _Note("highlight", _F, lambda n: _off(n.figures.light.highlight), OFF,
           "the fit reflects {noted.figures.light.highlight:.3g} times the source's light in the brightest directions,"
