@@ -25,7 +25,7 @@ def choice_table(found: "ScenePlan") -> Table:
     table = plain_table(headline(found))
     add_names(table, longest=max(len(name_of(each)) for each in found.materials))
     met = [each.walk.met for each in found.materials]
-    table.add_column("ship" if all(met) else "choice" if any(met) else "closest found")
+    table.add_column("ship" if all(met) else "choice" if any(met) else "closest found", min_width=18)
     add_figures(table, "bytes", "fetches")
     several = len(found.scene.lightings) > 1
     table.add_column("worst error", overflow="fold")
