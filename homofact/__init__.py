@@ -5,8 +5,8 @@
     fit.evaluate(wi, wo)
     homofact.export(fit, "engine", format="ktx2")
 
-Every command is a function here, and returns an object: docs/python.md. The names are loaded when first used, so that
-`import homofact` stays quick; the methods do not load torch before they fit.
+Every command but `doctor` and `research stability` is a function here, and returns an object: docs/python.md. The names
+are loaded when first used, so that `import homofact` stays quick; the methods do not load torch before they fit.
 """
 
 from importlib import import_module

@@ -87,8 +87,9 @@ def compare_fits(
     fits : sequence of paths
         Two or more results' folders or exports.
     on : source or path, optional
-        Another measurement to measure the fits on, for example a second measurement of the material, or the same file
-        with a corrected fault. The fits may then have different sources. Default: the common source of the fits.
+        Another measurement to measure the fits on, for example a second measurement of the material. The fits may then
+        have different sources. A corrected copy of a file favours the fit to this copy. Default: the common source of
+        the fits.
     metrics : sequence of str, optional
         "six", "all", or names of metrics, measured on the same samples.
     plot : path, optional

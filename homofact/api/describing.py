@@ -48,7 +48,7 @@ class InfoResult:
     rows : dict
         The same facts in readable form: names and values.
     mended : tuple of str
-        How the data were repaired, in sentences.
+        How the data were repaired, and what was looked for and not found, in sentences.
     suspected : tuple of Suspicion
         Units and conventions that the data seem to violate.
     asked : tuple of str
@@ -66,6 +66,22 @@ class InfoResult:
     def record(self) -> dict[str, Any]:
         """Return the JSON form."""
         return self.facts
+
+    def __str__(self) -> str:
+        """Return the rows in lines, with the remarks and suspicions below them."""
+        lines = [
+            f"{name.replace('_', ' ')}: {_in_a_line(value)}" for name, value in self.rows.items() if value is not None
+        ]
+        return "\n".join([self.name, *lines, *self.mended, *(each.line() for each in self.suspected), *self.asked])
+
+
+def _in_a_line(value: Any) -> str:
+    """Return a value of a row as text, with the parts of a dictionary or list one after the other."""
+    if isinstance(value, dict):
+        return "; ".join(f"{name.replace('_', ' ')} {_in_a_line(own)}" for name, own in value.items())
+    if isinstance(value, list | tuple):
+        return ", ".join(map(_in_a_line, value))
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
 def info(source: Any, *, plot: Place | None = None, seed: int = 0, progress: Progress | None = None) -> InfoResult:

@@ -22,7 +22,7 @@ def plan_facts(place: Path) -> tuple[str, dict[str, Any], dict[str, Any]] | None
     file = place / PLAN.mark if place.is_dir() else place
     found = Fields.read(file, "a plan").found
     try:
-        return str(found["scene"]), _rows(found), {"folder": str(file.parent), "kind": PLAN.what, **found}
+        return str(found["scene"]), plan_rows(found), {"folder": str(file.parent), "kind": PLAN.what, **found}
     except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
         raise BadInput(f"damaged ({error!r})", where=file, expected="a plan that `plan` wrote") from error
 
@@ -44,7 +44,8 @@ def plan_entry(place: Path) -> dict[str, Any] | None:
         return None
 
 
-def _rows(found: Mapping[str, Any]) -> dict[str, Any]:
+def plan_rows(found: Mapping[str, Any]) -> dict[str, Any]:
+    """Return readable rows of a plan's JSON form: names and values."""
     from homofact.planning.tolerance import Tolerance
 
     distinct = {

@@ -55,6 +55,10 @@ class EditResult:
     parts: tuple[PartError, ...] = field(default=(), repr=False)
     fits: tuple[FileFit, ...] = field(default=(), repr=False)
 
+    def record(self) -> dict[str, Any]:
+        """Return the JSON form, the report."""
+        return self.report
+
     @property
     def notes(self) -> tuple[str, ...]:
         """Return remarks on the scene from its reading, one line each."""

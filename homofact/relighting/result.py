@@ -98,6 +98,10 @@ class RelightResult:
             file.name, tuple(objects), sky, file.cameras, report, sums, tuple(pictures), light=file.light
         )  # fmt: skip
 
+    def record(self) -> dict[str, Any]:
+        """Return the JSON form, the report."""
+        return self.report
+
     @property
     def nbytes(self) -> int:
         """Return the bytes of all objects that relighting reads."""

@@ -197,3 +197,21 @@ def test_the_light_over_that_of_the_samples_is_given(tmp_path: Path) -> None:
     record["verdict"]["by_incidence"] = [[5, "a"]]
     report.write_text(json.dumps(record))
     assert "light_over_samples" not in homofact.info(tmp_path / "fit").facts
+
+
+def test_printed_facts_are_lines_of_the_rows(tmp_path: Path) -> None:
+    found = homofact.info("material:phong-10")
+    first, *lines = str(found).splitlines()
+    assert first == found.name
+    names = [name.replace("_", " ") for name, value in found.rows.items() if value is not None]
+    assert [line.partition(":")[0] for line in lines[: len(names)]] == names
+    assert all("{" not in line for line in lines)
+    (tmp_path / "scene.toml").write_text(
+        '[[material]]\nsource = "material:phong-10"\nshare = 1.0\n[lighting]\nnamed = "overcast"\n'
+        "[tolerance]\nreflected = 0.5\n"
+    )
+    plan = homofact.plan(tmp_path / "scene.toml")
+    chosen = plan.record()["materials"][0]
+    line = next(line for line in str(plan).splitlines() if line.startswith("material phong-10: "))
+    assert f"{chosen['choice']['bytes']} bytes" in line
+    assert any(line.startswith("verdict on phong-10: ") for line in str(plan).splitlines())
