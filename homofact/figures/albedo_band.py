@@ -1,17 +1,29 @@
-"""Draw the error bar of a fit's total reflected light by angle of incidence, as a small chart in whole pixels."""
+"""Draw the error bar of a fit's total reflected light by angle of incidence, as a small chart in whole pixels.
+
+The vertical axis is logarithmic in the source's light divided by the fit's, so that "within a factor of 5" reaches as
+far up as down, and small bars stay visible beside large ones. Its ticks are percentages, or factors if a bar exceeds
+100%, as in the sentence above the chart. A bar beyond a factor of `_MOST` ends at the edge of the chart with a triangle
+and its factor.
+"""
+
+import math
+from collections.abc import Sequence
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from homofact.evaluation.bar.error_bar import BarKind, ErrorBars
 
-HEIGHT = 120
+HEIGHT = 136
 _DPI, _LEFT, _RIGHT, _UNDER, _OVER = 100, 58, 8, 34, 22  # the last four in pixels
 _BAND, _LINE, _WORDS = "#9db4cc", "#12385f", "#333333"
 _LEAST = 0.01  # of the scale: below it any error looks large
-_MOST = 3.0  # of the scale: a wider bar runs out of the chart
+_MOST = 20.0  # of the scale: a bar of a larger factor is cut
+_ROOM = 1.15  # of the scale beside the largest bar
+_APART = (10.5, 32.0)  # pixels between two ticks, and between two factors of cut bars
+_ROUND = tuple(digit * 10.0**power for power in range(-4, 2) for digit in (1, 2, 5))
 
 
 def albedo_band(bars: ErrorBars, width: int) -> np.ndarray | None:
@@ -19,34 +31,76 @@ def albedo_band(bars: ErrorBars, width: int) -> np.ndarray | None:
 
     Angles that were not measured have no band.
     """
-    stated = [(bar.degrees[0], bar.low - 1, bar.high - 1) for bar in bars.by_angle if bar.low and bar.high]
+    stated = [(bar.degrees[0], 1 + bar.error) for bar in bars.by_angle if bar.error is not None]
     if not stated:
         return None
-    degrees, low, high = np.array(stated).T
+    degrees, factors = np.array(stated).T
     figure = Figure(figsize=(width / _DPI, HEIGHT / _DPI), dpi=_DPI, facecolor="white")
     canvas = FigureCanvasAgg(figure)
     axes = figure.add_axes(
         (_LEFT / width, _UNDER / HEIGHT, 1 - (_LEFT + _RIGHT) / width, 1 - (_UNDER + _OVER) / HEIGHT)
     )
+    reach = _ROOM * math.log(min(max(1 + _LEAST, float(factors.max())), _MOST))
+    axes.set(xlim=(0, 90), ylim=(-reach, reach), xticks=[0, 20, 40, 60, 75, 90])
+    high = np.log(np.minimum(factors, 2 * _MOST**_ROOM))  # cut outside the axes, and no bar is infinite
     if len(degrees) > 1:
-        axes.fill_between(degrees, low, high, color=_BAND, linewidth=0)
-    axes.vlines(degrees, low, high, color=_LINE, linewidth=1.2)
+        axes.fill_between(degrees, -high, high, color=_BAND, linewidth=0)
+    axes.vlines(degrees, -high, high, color=_LINE, linewidth=1.2)
     axes.axhline(0, color=_LINE, linewidth=1)
-    reach = 1.15 * min(max(_LEAST, float(np.max(high))), _MOST)
-    axes.set(xlim=(0, 90), ylim=(max(-reach, -1.0), reach), xticks=[0, 20, 40, 60, 75, 90])
-    axes.yaxis.set_major_locator(MaxNLocator(3, steps=[1, 2, 5, 10]))
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: _share(value)))
+    _mark_cut_bars(axes, [(at, factor) for at, factor in stated if factor > _MOST], reach, width)
+    ratios = albedo_ticks(float(factors.max()) - 1, reach)
+    axes.set_yticks([math.log(ratio) for ratio, _ in ratios], [words for _, words in ratios])
     axes.tick_params(labelsize=7.5, colors=_WORDS, length=2, pad=2)
     axes.set_xlabel("angle of incidence, degrees", fontsize=7.5, color=_WORDS, labelpad=1)
-    measured = bars.kind is BarKind.MEASURED
-    head = "measured error of" if measured else "error bar of"
-    axes.set_title(f"{head} total reflected light", fontsize=8, color=_WORDS, loc="left", pad=4)
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
+    head = "measured error of" if bars.kind is BarKind.MEASURED else "error bar of"
+    # From the picture's left edge: above the axes alone there is no room for it.
+    figure.text(0, 1 - 3 / HEIGHT, f"{head} total reflected light (source / fit)", fontsize=8, color=_WORDS, va="top")
+    axes.spines[["top", "right"]].set_visible(False)
     canvas.draw()
     return np.asarray(canvas.buffer_rgba())[..., :3].copy()
 
 
-def _share(value: float) -> str:
-    """A tick's label: "0", "+5%", "−0.5%"."""
-    return "0" if abs(value) < 1e-12 else f"{100 * value:+.3g}%".replace("-", "−")
+def albedo_ticks(most: float, reach: float) -> list[tuple[float, str]]:
+    """Return ticks (ratio, label) for errors up to `most` on an axis from −`reach` to `reach` in log ratio.
+
+    Examples
+    --------
+    >>> albedo_ticks(4.2, 1.9)
+    [(1.0, '1'), (5.0, '×5'), (0.2, '÷5'), (2.0, '×2'), (0.5, '÷2')]
+    >>> albedo_ticks(0.05, 0.06)
+    [(1.0, '0'), (1.05, '+5%'), (0.95, '−5%'), (1.02, '+2%'), (0.98, '−2%')]
+    """
+    kept = [(1.0, "1" if most > 1 else "0")]
+    pixel = 2 * reach / (HEIGHT - _UNDER - _OVER)
+    # From the outside in: the ticks next to the ends of the bars are needed most.
+    for size in reversed(_ROUND):
+        for ratio, words in _factors(size) if most > 1 else _percentages(size):
+            apart = min(abs(math.log(ratio / other)) for other, _ in kept)
+            if abs(math.log(ratio)) <= reach and apart >= _APART[0] * pixel:
+                kept.append((ratio, words))
+    return kept
+
+
+def _factors(size: float) -> list[tuple[float, str]]:
+    return [(size, f"×{size:g}"), (1 / size, f"÷{size:g}")] if size > 1 else []
+
+
+def _percentages(size: float) -> list[tuple[float, str]]:
+    sides = [(1 + size, f"+{100 * size:g}%"), (1 - size, f"−{100 * size:g}%")]
+    return [(ratio, words) for ratio, words in sides if 0 < ratio <= 2]
+
+
+def _mark_cut_bars(axes: Axes, cut: Sequence[tuple[float, float]], reach: float, width: int) -> None:
+    """Put triangles where bars (angle, factor) leave the chart, and their factors if there is room, largest first."""
+    look = {"color": _LINE, "markersize": 5, "clip_on": False, "zorder": 3}
+    degree, named = (width - _LEFT - _RIGHT) / 90, list[float]()
+    for at, factor in sorted(cut, key=lambda one: -one[1]):
+        axes.plot(at, reach, "^", **look)
+        axes.plot(at, -reach, "v", **look)
+        if all(abs(at - other) * degree >= _APART[1] for other in named):
+            words = "∞" if math.isinf(factor) else f"×{factor:.2g}" if factor < 100 else f"×{factor:.0f}"
+            axes.annotate(
+                words, (at, reach), (-5, -2), textcoords="offset points", ha="right", va="top", fontsize=7.5,
+                color=_LINE,
+            )  # fmt: skip
+            named.append(at)

@@ -9,8 +9,8 @@ difference image. All differences share one colour scale, so the paler of two fi
 from −100% to +100%; it is linear below 2% and logarithmic above (asinh), so that small errors of a good fit remain
 visible. The text under each difference states the range that contains 98% of its pixels.
 
-If the source interpolates samples, pixels beyond the measurement (`figures.measured_range`) are hatched. The hatching
-covers source and differences on grey, and the fit on its picture. These pixels do not count in the ranges.
+If the source interpolates samples, the region beyond the measurement (`figures.measured_range`) is hatched alike in the
+source, the fits and the differences. Pixels beyond the measurement do not count in the ranges.
 """
 
 import math
@@ -30,6 +30,7 @@ from homofact.errors import BadInput
 from homofact.evaluation.bar.error_bar import ErrorBars
 from homofact.evaluation.wording import brief_figure
 from homofact.figures.albedo_band import albedo_band
+from homofact.figures.hatching import NARROWEST, SMALLEST, hatched
 from homofact.figures.lit_picture import curve_in_words
 from homofact.figures.measured_range import beyond_the_measurement
 from homofact.figures.page import LINE, PicturePage
@@ -53,8 +54,8 @@ _LUMINANCE = (0.2126, 0.7152, 0.0722)
 _LINEAR, _MOST, _MARKED = 0.02, 1.0, (-0.1, -0.01, 0.01, 0.1)
 # Diverging, told apart under all common colour deficiencies; unlit pixels and the surroundings are grey.
 _MAP = "RdBu_r"
-_UNLIT, _HATCH, _GROUND, _MARK = (0.55, 0.55, 0.55), (0.82, 0.82, 0.82), (0.35, 0.35, 0.35), (0.2, 0.2, 0.2)
-_GAP, _LEAST, _BAR, _PERIOD = 16, 150, 8, 8
+_UNLIT, _MARK = (0.55, 0.55, 0.55), (0.2, 0.2, 0.2)
+_GAP, _LEAST, _BAR = 16, 150, 8
 
 
 class LightReport(NamedTuple):
@@ -153,14 +154,7 @@ def compare_picture(
         ends.append(end)
     end = max(ends) + 6
     if samples is not None:
-        swatch = _hatched(np.full((LINE - 4, 2 * LINE, 3), _GROUND), np.ones((LINE - 4, 2 * LINE), dtype=bool))
-        page.picture(swatch, _GAP, end + 2)
-        words = (
-            "beyond the measurement: most of the light comes from directions that were not measured for this view;"
-            " areas narrower than 5% of the picture, such as the rim, are not hatched, but count in the share above"
-            " each row"
-        )
-        end = page.text(words, _GAP + 2 * LINE + 8, end, page.width - 3 * _GAP - 2 * LINE)
+        end = _explain_hatching(page, end) + 4
     page.text(
         f"Right of each fit: (fit − source) / (source + {FLOOR:.0%} of white) in luminance; red is too bright, blue too"
         " dark, grey is unlit. All differences have one scale, with lines at ±1% and ±10%, and below it the range that"
@@ -172,6 +166,18 @@ def compare_picture(
     )
     replace_file(path, page.save)
     return tuple(row.report for row in rows)
+
+
+def _explain_hatching(page: PicturePage, top: int) -> int:
+    """Write the legend of the hatching at `top`; return its bottom in pixels."""
+    size = LINE - 4, 2 * LINE
+    page.picture(hatched(np.full((*size, 3), _UNLIT), np.ones(size, dtype=bool)), _GAP, top + 2)
+    words = (
+        "beyond the measurement: most of the light comes from directions that were not measured for this view. Areas"
+        f" narrower than {NARROWEST:.0%} of the picture, such as the rim, or smaller than {SMALLEST:.0%} of the lit"
+        " pixels are not hatched, but count in the share above each row."
+    )
+    return page.text(words, _GAP + size[1] + 8, top, page.width - 3 * _GAP - size[1])
 
 
 def _rows(reflectances: Sequence[Reflectance], size: int, to_rgb: ToRgb | None) -> list[_Row]:
@@ -204,12 +210,8 @@ def _row(light: str, images: list[SphereImage], marks: tuple[Tensor, Tensor] | N
     ranges = tuple(float(np.quantile(values, HELD)) if values.size else 0.0 for values in sizes)
     coloured = [_coloured(each) for each in differences]
     if wide is not None:
-        ground = np.broadcast_to(np.array(_GROUND), shown[0].shape)
-        shown = [
-            _hatched(np.where(wide[..., None], ground, shown[0]), wide),
-            *(_hatched(each, wide) for each in shown[1:]),
-        ]
-        coloured = [_hatched(np.where(wide[..., None], ground, picture), wide) for picture in coloured]
+        shown = [hatched(each, wide) for each in shown]
+        coloured = [hatched(each, wide) for each in coloured]
     share = None if beyond is None else float(beyond[lit].mean()) if lit.any() else 0.0
     clipped = tuple(picture.clipped for picture in toned)
     return _Row(LightReport(light, exposure, DEFAULT_CURVE, clipped, ranges, share), shown, coloured)
@@ -247,10 +249,3 @@ def _coloured(difference: np.ndarray) -> np.ndarray:
     """A difference in the colours of the bar, (H, W, 3) in [0, 1]; grey where it is NaN."""
     colours = colormaps[_MAP](_scale()(np.nan_to_num(difference)))[..., :3]
     return np.where(np.isfinite(difference)[..., None], colours, _UNLIT)
-
-
-def _hatched(pixels: np.ndarray, where: np.ndarray) -> np.ndarray:
-    """Return pixels (H, W, 3) in [0, 1] with light lines at 45° where the mask (H, W) is True."""
-    y, x = np.indices(where.shape)
-    lines = where & ((x + y) % _PERIOD < 2)
-    return np.where(lines[..., None], _HATCH, pixels)

@@ -2,32 +2,26 @@
 
 A source that interpolates scattered samples has values everywhere, but a goniometer does not reach every pair of
 directions (`brdf.quality.extrapolation`). A pixel is marked if more than half of its incident light comes from
-directions that were not measured with its view. Under a point light the share is 0 or 1. Only marked areas at least
-`NARROWEST` of the picture wide are hatched, together with marked pixels within the same distance of them. Thinner marks
-at the shadow, at the rim, or at the mirror direction between two measured angles of incidence are not hatched, because
-hatching there looks like a defect of the material.
+directions that were not measured with its view. Under a point light the share is 0 or 1. `hatching.region_to_hatch`
+turns the marked pixels into the hatched region.
 """
 
-import math
 from collections.abc import Sequence
 
-import numpy as np
 import torch
-from scipy.ndimage import binary_dilation, binary_opening
 from torch import Tensor
 
 from homofact.brdf.quality.extrapolation import Extrapolation
 from homofact.brdf.reflectance import Reflectance
 from homofact.brdf.samples import Samples
 from homofact.brdf.scattered import interpolated_samples
+from homofact.figures.hatching import region_to_hatch
 from homofact.rendering.filtered import FilteredMaterial, Surroundings
 from homofact.rendering.light import DirectionalLight
 from homofact.rendering.lobe_patches import DRAFT
 from homofact.rendering.sphere import render_sphere
 
 LEAST = 0.5
-NARROWEST = 0.05
-_THINNEST = 3  # pixels, also of marks that are wider elsewhere
 
 
 class _Part:
@@ -62,11 +56,9 @@ def beyond_the_measurement(
             known, whole = (material.under(light).radiance[..., 0] for material in asked)
         else:
             known, whole = (render_sphere(part, light, size).radiance[..., 0] for part in parts)
-        # What is left of the light by rounding is no light, and what is not lit makes no mark wider or narrower.
+        # What is left of the light by rounding is no light.
         lit = whole > 1e-6 * whole.max()
-        marked = (known < LEAST * whole) | ~lit
-        clear = binary_opening(marked.cpu().numpy(), np.ones((_THINNEST, _THINNEST))) & lit.cpu().numpy()
-        side = math.ceil(NARROWEST * size)
-        wide = binary_dilation(binary_opening(clear, np.ones((side, side))), iterations=side, mask=clear)
-        marks.append((marked & lit, torch.from_numpy(wide).to(lit.device)))
+        marked = (known < LEAST * whole) & lit
+        region = region_to_hatch(marked.cpu().numpy(), lit.cpu().numpy())
+        marks.append((marked, torch.from_numpy(region).to(lit.device)))
     return marks

@@ -1,12 +1,15 @@
 """The chart of an error bar by angle: its band lies where the bars are, and nowhere else."""
 
+import math
+
 import numpy as np
 import pytest
+from matplotlib.axes import Axes
 
 from homofact.evaluation.bar.error_bar import BarKind, ErrorBar, ErrorBars
-from homofact.figures.albedo_band import HEIGHT, albedo_band
+from homofact.figures.albedo_band import HEIGHT, albedo_band, albedo_ticks
 
-BAND = (0x9D, 0xB4, 0xCC)
+BAND, LINE = (0x9D, 0xB4, 0xCC), (0x12, 0x38, 0x5F)
 WIDTH = 320
 
 
@@ -48,7 +51,60 @@ def test_one_angle_is_a_stroke_and_none_is_no_chart() -> None:
     assert albedo_band(ErrorBars(()), WIDTH) is None
 
 
-def test_a_bar_of_a_factor_runs_out_of_the_chart_and_leaves_the_others_visible() -> None:
-    pixels = albedo_band(bars(0.5, 0.5, 0.5, 8.0, 8.0), WIDTH)
+def edges(pixels: np.ndarray, column: int) -> tuple[int, int]:
+    """First and last row of the band in a column."""
+    rows = np.flatnonzero((pixels[:, column] == BAND).all(1))
+    return int(rows[0]), int(rows[-1])
+
+
+@pytest.mark.parametrize("most", [0.012, 0.1, 0.89, 4.2, 8.9, 18.0])
+def test_the_largest_bar_ends_inside_the_chart_between_two_ticks_or_near_the_last(most: float) -> None:
+    pixels = albedo_band(bars(most / 4, most / 4, most / 4, most, most), WIDTH)
     assert pixels is not None
-    assert columns(pixels)[58 + 254 * 12 // 90] >= 8
+    top, bottom = edges(pixels, 58 + 254 * 67 // 90)
+    # The axes are 80 pixels high, between 22 above and 34 below; a bar of a factor is as long below as above.
+    assert 22 < top < bottom < HEIGHT - 34
+    assert top - 22 == pytest.approx(HEIGHT - 34 - bottom, abs=2)
+    reach = 1.15 * math.log(1 + most)
+    ticks = [ratio for ratio, _ in albedo_ticks(most, reach)]
+    assert max(ticks) >= (1 + most) ** 0.45
+    assert all(abs(math.log(ratio)) <= reach for ratio in ticks)
+
+
+def test_ticks_have_the_words_of_the_sentence_above_the_chart() -> None:
+    words = [label for _, label in albedo_ticks(4.2, 1.15 * math.log(5.2))]
+    assert words == ["1", "×5", "÷5", "×2", "÷2"]
+    words = [label for _, label in albedo_ticks(0.05, 1.15 * math.log(1.05))]
+    assert words == ["0", "+5%", "−5%", "+2%", "−2%"]
+    # Nothing is 100% darker on a logarithmic axis.
+    assert "−100%" not in [label for _, label in albedo_ticks(1.0, 1.15 * math.log(2))]
+
+
+@pytest.mark.parametrize("most", [30.0, 700.0, math.inf])
+def test_a_cut_bar_has_a_triangle_and_its_factor(most: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    written: list[str] = []
+    annotate = Axes.annotate
+    monkeypatch.setattr(
+        Axes, "annotate", lambda self, text, *a, **k: (written.append(text), annotate(self, text, *a, **k))[1]
+    )
+    pixels = albedo_band(bars(0.5, 0.5, 0.5, 0.5, most), WIDTH)
+    assert pixels is not None
+    at = 58 + round(254 * 75 / 90)
+    line = (pixels == LINE).all(2)
+    # Wider than the bar, at both ends of it.
+    assert line[18:26, at - 2 : at + 3].sum(1).max() >= 4
+    assert line[-38:-30, at - 2 : at + 3].sum(1).max() >= 4
+    assert written == ["∞" if math.isinf(most) else f"×{1 + most:.0f}"]
+    # The others are visible beside it.
+    assert columns(pixels)[58 + 254 * 12 // 90] >= 5
+
+
+def test_factors_of_cut_bars_do_not_cover_each_other(monkeypatch: pytest.MonkeyPatch) -> None:
+    written: list[str] = []
+    monkeypatch.setattr(Axes, "annotate", lambda self, text, *a, **k: written.append(text))
+    albedo_band(bars(30.0, 0.5, 0.5, 0.5, 40.0), WIDTH)
+    assert written == ["×41", "×31"]
+    close = ErrorBars((), tuple(ErrorBar("albedo", BarKind.MEASURED, 30.0 + at, 1, (at, at)) for at in (70.0, 75.0)))
+    written.clear()
+    albedo_band(close, WIDTH)
+    assert written == ["×106"]

@@ -14,7 +14,8 @@ from matplotlib.text import Annotation
 from plan_cases import PAINT, fits_of
 
 from homofact.planning import figure
-from homofact.planning.figure import _Spot, _spots, _undercut, plot_plan
+from homofact.planning.figure import plot_plan
+from homofact.planning.figure_points import spots_of
 from homofact.planning.ladder import CONSTANT, Candidate
 from homofact.planning.plan import MaterialPlan, ScenePlan
 from homofact.planning.scene import SceneMaterial
@@ -96,8 +97,22 @@ def test_material_and_choice_stand_outside_the_axes_of_the_bars(drawn: Figure) -
 
 
 def test_the_title_counts_all_fits(drawn: Figure) -> None:
-    title = drawn.get_suptitle().replace("\n", " ")
-    assert title.endswith("under studio; missed for 1 of 1. 384 bytes; 6 of 30 possible fits made")
+    assert drawn.get_suptitle().split("\n") == [
+        "two: mean ΔE at most 1, under studio",
+        "tolerance missed for 1 of 1 material; 384 bytes; 6 of 30 possible fits made",
+    ]
+
+
+def test_a_long_title_breaks_into_lines_of_about_equal_length(tmp_path: Path, made: list[Figure]) -> None:
+    plan = plan_of()
+    sky: Any = SimpleNamespace(name="environment_of_a_long_name")
+    plan.scene.__dict__["lightings"] = (sky,) * 5
+    plot_plan(tmp_path / "p.png", plan)
+    *asked, found = made[0].get_suptitle().split("\n")
+    assert " ".join(asked) == f"two: mean ΔE at most 1, under {', '.join([sky.name] * 5)}"
+    assert len(asked) == 2
+    assert abs(len(asked[0]) - len(asked[1])) < len(sky.name) + 2
+    assert found.startswith("tolerance missed")
 
 
 def test_candidates_that_err_ten_thousand_times_as_much_are_counted_and_not_drawn(
@@ -113,14 +128,15 @@ def test_candidates_that_err_ten_thousand_times_as_much_are_counted_and_not_draw
     # The best of all errs 20 times its limit.
     assert left.get_title().endswith("(2 of them, with an error above 10,000, left out)")
     assert 1.9e5 < left.get_ylim()[1] < 1e8
-    assert len(_spots(plan.materials[0])) == len(ERRORS) + 1
+    assert len(spots_of(plan.materials[0])) == len(ERRORS) + 1
 
 
-def test_lines_join_what_nothing_smaller_undercuts(drawn: Figure) -> None:
+def test_a_line_steps_down_to_each_smaller_error(drawn: Figure) -> None:
     (line,) = [each for each in drawn.axes[0].lines if each.get_alpha() == 0.5]
-    assert np.asarray(line.get_xydata()).tolist() == [[12, 90], [48, 30], [384, 20]]
-    tied = [_Spot((), place, False, True) for place in ((1.0, 5.0), (1.0, 4.0), (2.0, 4.0), (3.0, 1.0))]
-    assert _undercut(tied) == [(1.0, 4.0), (3.0, 1.0)]
+    assert np.asarray(line.get_xydata()).tolist() == [[12, 90], [48, 90], [48, 30], [384, 30], [384, 20]]
+    key = drawn.axes[0].get_legend()
+    assert key is not None
+    assert "smallest error for the bytes" in [text.get_text() for text in key.get_texts()]
 
 
 def test_the_key_covers_no_point_and_no_name(drawn: Figure) -> None:
@@ -155,7 +171,7 @@ def test_a_crowded_plan_names_its_choices_and_covers_no_marker(
     plot_plan(tmp_path / "p.png", plan)
     left, point = made[0].axes[0], made[0].dpi / 72
     names = [text for text in left.texts if isinstance(text, Annotation) and text.get_text()]
-    spots = [spot for each in plan.distinct for spot in _spots(each)]
+    spots = [spot for each in plan.distinct for spot in spots_of(each)]
     chosen = [name for name in names if name.get_fontweight() == "bold"]
     assert len(chosen) == materials
     assert materials < len(names) < len(spots)
@@ -164,11 +180,33 @@ def test_a_crowded_plan_names_its_choices_and_covers_no_marker(
     # That of the saved picture has other dots per inch.
     renderer = FigureCanvasAgg(made[0]).get_renderer()
     boxes = [name.get_window_extent(renderer) for name in names]
+    markers = [line for line in left.lines if line.get_marker() in ("o", "h") and line.get_markersize() < 10]
+    assert len(markers) == len(spots)
+    places = [tuple(map(float, np.asarray(line.get_xydata())[0])) for line in markers]
     for k, (name, box) in enumerate(zip(names, boxes, strict=True)):
         assert not any(box.overlaps(other) for other in boxes[k + 1 :])
         if name in chosen:
             continue  # always there, on the least that can be covered
-        for spot in spots:
-            x, y = left.transData.transform(spot.place)
+        for place in places:
+            x, y = left.transData.transform(place)
             apart = np.hypot(x - np.clip(x, box.x0, box.x1), y - np.clip(y, box.y0, box.y1)) / point
-            assert spot.place == tuple(map(float, name.xy)) or apart > 2.9
+            assert place == tuple(map(float, name.xy)) or apart > 2.9
+
+
+@pytest.mark.parametrize("materials", [2, 3])
+def test_markers_are_side_by_side_and_choices_where_they_belong(
+    materials: int, tmp_path: Path, made: list[Figure]
+) -> None:
+    plan = crowd_of(materials)
+    plot_plan(tmp_path / "p.png", plan)
+    left, point = made[0].axes[0], made[0].dpi / 72
+    rings = [line for line in left.lines if line.get_marker() == "o" and line.get_markersize() > 10]
+    chosen = sorted(spot.place for each in plan.distinct for spot in spots_of(each) if spot.chosen)
+    bare = sorted(tuple(map(float, np.asarray(ring.get_xydata())[0])) for ring in rings)
+    assert bare == chosen
+    markers = [line for line in left.lines if line.get_marker() in ("o", "h") and line.get_markersize() < 10]
+    pixels = left.transData.transform([np.asarray(line.get_xydata())[0] for line in markers]) / point
+    gaps = np.hypot(*(pixels[:, None] - pixels[None]).transpose(2, 0, 1))[np.triu_indices(len(pixels), 1)]
+    # Markers are 6.5 points across: no two cover more than their rims.
+    assert gaps.min() > 5.5
+    assert left.get_xlabel().endswith("(markers that would overlap are drawn side by side)")
