@@ -220,7 +220,8 @@ def _row(light: str, images: list[SphereImage], marks: tuple[Tensor, Tensor] | N
 def _words(report: LightReport) -> str:
     """Return the line of text above a row."""
     # Of red, green and blue: one figure says whether white is the material's or the curve's.
-    clipped = f", up to {max(report.clipped):.1%} clipped to white" if max(report.clipped) >= 0.0005 else ""
+    most = max(report.clipped)
+    clipped = f", at most {most:.1%} of a sphere's pixels clipped to white" if most >= 0.0005 else ""
     known = "" if report.beyond is None else f", {report.beyond:.0%} of the pixels beyond the measurement"
     return (
         f"{report.light[0].upper()}{report.light[1:]}: exposure {report.exposure:.3g}, {curve_in_words(report.curve)}"
