@@ -74,8 +74,10 @@ function makeTextures(place, layers) {
     if (!layer.textures.length) continue;
     const row = element("div", { class: "texture-row" });
     for (const texture of layer.textures) row.append(textureFigure(texture));
+    const hatched = layer.textures.some((texture) => texture.mask)
+      ? [element("p", {}, "Hatched: texels that no pair of directions reads.")] : [];
     place.append(element("div", { class: "texture-set", style: `--colour: ${colourOf(layers, layer.key)}` },
-      element("h2", {}, layer.title), row));
+      element("h2", {}, layer.title), row, ...hatched));
   }
   place.hidden = !place.children.length;
 }
@@ -121,10 +123,10 @@ function textureFigure(texture) {
   const bytes = rows * columns * 4 * bytesOf[type];
   const size = bytes >= 10240 ? `${(bytes / 1024).toFixed(0)} KiB` : `${(bytes / 1024).toFixed(1)} KiB`;
   const number = (value) => value.toFixed(2).replace("-", "−");
-  const range = !(least <= largest) ? "no texel is reached"
+  const range = !(least <= largest) ? "no texel is read"
     : `${texture.quantity} ${number(least)} to ${number(largest)}`;
   const words = [`${texture.caption}: ${rows} × ${columns} texels, ${type}, ${size} as RGBA, ${range}`,
-    ...(missing ? [`${missing} texels are reached by no pair of directions`] : [])].join("; ");
+    ...(missing ? [`no pair of directions reads ${missing} texels`] : [])].join("; ");
   return element("figure", { title: words }, canvas, element("figcaption", {}, element("b", {}, texture.caption),
     `${rows} × ${columns}`, element("br"), range));
 }

@@ -36,7 +36,7 @@ uniform int u_pass;
 uniform sampler2D u_drawn; // directions drawn from the sky
 out vec4 o_radiance;
 
-const float WIDE = 200.0, NARROW = 6000.0;
+const float BROAD = 20.0, WIDE = 200.0, NARROW = 6000.0;
 
 vec3 azimuthal(vec3 n) {
   vec3 across = vec3(n.z, 0.0, -n.x);
@@ -65,17 +65,18 @@ vec3 surroundings(vec3 w) {
   return vec3(4.6 * key + 2.4 * rim + 0.06 + 0.05 * (w.y + 1.0));
 }
 
-// Sample j of a set that has count (2 or 4) of them in each pass. In the first 16 passes the 4 x 4 pixels of a tile share the
-// 16 count points of Hammersley's set, handed round pass by pass, ordered as Bayer's matrix: any 4 x 4 or 2 x 2
-// neighbours complete each other (stage.js averages over them at first), and 16 passes give all to every pixel. From
-// then on each pixel moves them to a place of its own, so that errors average out. The layers share them: their
-// difference has no grain of its own.
+// Sample j of a set that has count (1, 2 or 4) of them in each pass. In the first 16 passes the 4 x 4 pixels of a tile
+// share the 16 count points of Hammersley's set, handed round pass by pass. Any 4 x 4 neighbours have all of them in
+// each pass, and any 2 x 2 in four passes, since exclusive or permutes within these groups (stage.js averages over them
+// at first); 16 passes give all to every pixel. From then on each pixel moves them to a place of its own, so that
+// errors average out. The layers share them: their difference has no grain of its own.
 vec2 sample_place(int j, int count, int kind) {
   ivec2 p = ivec2(gl_FragCoord.xy);
   ivec2 q = ivec2(p.x ^ p.y, p.y);
-  int order = ((q.x & 1) << 3 | (q.y & 1) << 2 | (q.x & 2) | (q.y & 2) >> 1) + 5 * u_pass & 15;
+  int near = (q.x & 1) << 1 | q.y & 1, far = q.x & 2 | (q.y & 2) >> 1;
+  int order = near ^ u_pass >> 2 & 3 | (far ^ u_pass & 3) << 2;
   int turned = (order & 1) << 3 | (order & 2) << 1 | (order & 4) >> 1 | order >> 3;
-  int part = count == 2 ? j : (j & 1) << 1 | j >> 1;
+  int part = count < 4 ? j : (j & 1) << 1 | j >> 1;
   vec2 place = vec2(float(order) + (float(j) + 0.5) / float(count),
     (float(16 * part + turned) + 0.5) / float(count)) / 16.0 + 0.31 * float(kind);
   if (u_pass < 16) return fract(place);
@@ -91,17 +92,20 @@ float mirrored_density(float exponent, float cosine, float towards) {
 }
 
 // Power heuristic (Veach and Guibas 1995, eq. 15, with exponent 2) over sets of directions that do not depend on the
-// material: by the cosine, by mirroring at half vectors widely and narrowly, and from the map where there is one. The
-// balance heuristic leaves specks where a set of low density finds the sun.
+// material: by the cosine, by mirroring at half vectors broadly, widely and narrowly, and from the map where there is
+// one. The balance heuristic leaves specks where a set of low density finds the sun. Seen at a grazing angle, a rough
+// surface reflects much at angles that are grazing too, which only the broad mirroring finds often enough.
 vec3 under_sky(mat3 frame, vec3 wo) {
   const int COUNT = 8;
   vec3 total = vec3(0.0);
-  // Shares of the map, the cosine, the wide and the narrow mirroring.
-  vec4 share = u_light == 3 ? vec4(0.25) : vec4(0.0, 0.5, 0.25, 0.25);
+  bool mapped = u_light == 3;
+  // Shares of the map, the cosine, the wide and the narrow mirroring; the broad one's is the narrow one's.
+  vec4 share = mapped ? vec4(0.25, 0.25, 0.25, 0.125) : vec4(0.0, 0.5, 0.25, 0.125);
   for (int k = 0; k < COUNT; k++) {
-    int kind = k & 3;
-    if (u_light != 3) kind = (k & 1) == 0 ? 1 : kind == 1 ? 2 : 3;
-    vec2 u = u_light != 3 && kind == 1 ? sample_place(k / 2, 4, kind) : sample_place(k / 4, 2, kind);
+    int kind = k == 7 ? 4 : k & 3;
+    if (!mapped && k != 3 && k != 7) kind = (k & 1) == 0 ? 1 : 2;
+    int count = kind > 2 ? 1 : !mapped && kind == 1 ? 4 : 2;
+    vec2 u = sample_place(k * count / COUNT, count, kind);
     float turn = 2.0 * PI * u.y;
     vec3 wi;
     if (kind == 0) {
@@ -110,7 +114,7 @@ vec3 under_sky(mat3 frame, vec3 wo) {
     } else if (kind == 1) {
       wi = vec3(sqrt(u.x) * cos(turn), sqrt(u.x) * sin(turn), sqrt(1.0 - u.x));
     } else {
-      float exponent = kind == 2 ? WIDE : NARROW;
+      float exponent = kind == 2 ? WIDE : kind == 3 ? NARROW : BROAD;
       float z = pow(1.0 - u.x, 1.0 / (exponent + 1.0)), s = sqrt(max(1.0 - z * z, 0.0));
       vec3 half_vector = vec3(s * cos(turn), s * sin(turn), z);
       wi = 2.0 * dot(half_vector, wo) * half_vector - wo;
@@ -118,9 +122,10 @@ vec3 under_sky(mat3 frame, vec3 wo) {
     if (wi.z <= 0.0) continue;
     vec3 h = normalize(wi + wo), w = frame * wi;
     float towards = max(dot(h, wo), 1e-6), cosine = max(h.z, 0.0);
-    vec4 density = share * vec4(u_light == 3 ? sky_density(w) : 0.0, wi.z / PI, mirrored_density(WIDE, cosine, towards),
+    vec4 density = share * vec4(mapped ? sky_density(w) : 0.0, wi.z / PI, mirrored_density(WIDE, cosine, towards),
       mirrored_density(NARROW, cosine, towards));
-    float weight = density[kind] / dot(density, density);
+    float broad = share.w * mirrored_density(BROAD, cosine, towards);
+    float weight = (kind == 4 ? broad : density[min(kind, 3)]) / (dot(density, density) + broad * broad);
     total += LAYER_evaluate(wi, wo) * surroundings(w) * (open_towards(w) * wi.z * weight);
   }
   return total / float(COUNT);

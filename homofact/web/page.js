@@ -143,10 +143,12 @@ class View {
     if (dirty.moving) {
       this.settle(this.finished() - began);
     } else if (stage.passes < wanted) {
-      this.took = this.finished() - began;
-      this.hurry(this.took);
+      const took = this.finished() - began;
+      this.took = took / this.burst;
+      this.hurry(took);
       this.pending = requestAnimationFrame(() => this.frame());
     }
+    this.caption();
     // What is read does not change from pass to pass.
     if (!dirty.moving && (beganAnew || stage.passes >= wanted)) this.read();
   }
@@ -176,24 +178,36 @@ class View {
     else if (took < 12) this.burst = Math.min(16, 2 * this.burst);
   }
 
-  /** Shows the cards of the visible layers and names what is on them. */
+  /** Shows the cards of the visible layers, and the scales of differences. */
   layOut() {
     const { state } = this;
     for (const layer of this.layers) {
-      const { card, scale, subtitle } = this.cards.get(layer.key);
+      const { card, scale } = this.cards.get(layer.key);
       card.hidden = !state.visible.includes(layer.key);
-      const compared = state.difference !== "off" && this.reference && layer !== this.reference;
-      scale.hidden = !compared;
-      if (compared) fillScale(scale, state, layer.title, this.reference.title);
-      const what = compared ? "difference" : layer.volume ? "as a table" : "";
-      subtitle.textContent = [what, this.sharpening()].filter(Boolean).join(", ");
+      scale.hidden = !this.compared(layer);
+      if (!scale.hidden) fillScale(scale, state, layer.title, this.reference.title);
     }
   }
 
-  /** How far a picture is that takes a slow machine seconds; "" otherwise. */
-  sharpening() {
-    const passes = Math.min(SMOOTH_PASSES, this.stage.passesWanted(this.state));
-    return this.took > 250 && this.stage.passes < passes ? `sharpening, pass ${this.stage.passes} of ${passes}` : "";
+  /** Whether a layer's card shows its difference from the reference. */
+  compared(layer) {
+    return this.state.difference !== "off" && this.reference && layer !== this.reference;
+  }
+
+  /** Says beside each title how far the picture is, and what it is once it is finished. */
+  caption() {
+    const progress = this.progress();
+    for (const layer of this.layers) {
+      const { subtitle } = this.cards.get(layer.key);
+      subtitle.textContent = progress || (this.compared(layer) ? "difference" : layer.volume ? "as a table" : "");
+      subtitle.title = progress && "The picture is not finished: grain fades until the last pass.";
+    }
+  }
+
+  /** How far the pictures are, where all passes together take over a second and a half; "" when they are finished. */
+  progress() {
+    const { passes } = this.stage, wanted = this.stage.passesWanted(this.state);
+    return passes < wanted && this.took * wanted > 1500 ? `pass ${passes} of ${wanted}` : "";
   }
 
   /** The pointer is at (x, y) of a picture, in CSS pixels. */

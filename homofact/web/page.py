@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from homofact.brdf.scattered import interpolated_samples
 from homofact.brdf.source import Source
 from homofact.evaluation.bar.error_bar import ErrorBar, ErrorBars
 from homofact.evaluation.reopening import NotReopened, Reopened, reopen, settings_of
@@ -135,9 +136,22 @@ def shown_source(source: Reopened) -> "Layer":
     from homofact.web.viewer import source_layer
 
     own = source.source
-    # What the source itself takes, beside what its fits do.
-    nbytes = "analytic" if own.kind == "material" else f"{own.reflectance.nbytes:,}"
-    return source_layer(own.reflectance, facts=(("Bytes", nbytes),), seed=source.split.seed)
+    return source_layer(own.reflectance, facts=(("Bytes", _bytes(own)),), seed=source.split.seed)
+
+
+def _bytes(source: Source) -> str:
+    """Return the size of the source, to compare with the bytes of its fits, which are those of their textures.
+
+    The size of samples counts angles and values as float32, whatever homofact makes of them to interpolate them.
+    """
+    if source.kind == "material":
+        return "analytic"
+    samples = interpolated_samples(source.reflectance)
+    if samples is None:
+        return f"{source.reflectance.nbytes:,} (as stored)"
+    # θi, θo and Δφ, or both azimuths.
+    numbers = (3 if samples.isotropic else 4) + len(source.reflectance.channels)
+    return f"{4 * numbers * len(samples):,} (samples as float32)"
 
 
 def _mccool(

@@ -98,10 +98,11 @@ uniform float u_range;     // what full colour stands for
 uniform vec3 u_ramp[9];
 out vec4 o_colour;
 
-// The mean of width x width target pixels round this one, linear between places.
+// The mean of width x width target pixels round this one, linear between places. Of 2 x 2 this is the first: half a pixel
+// further on, the mean would be of 3 x 3 whose samples do not complete each other, which shows as a grid of dots.
 vec4 sums(sampler2D picture, float width) {
   ivec2 last = max(ivec2(floor(u_size * u_scale)), 1) - 1;
-  vec2 at = gl_FragCoord.xy * u_scale - 0.5 - 0.5 * (width - 1.0);
+  vec2 at = gl_FragCoord.xy * u_scale - 0.5 - (width > 2.0 ? 0.5 * (width - 1.0) : 0.0);
   ivec2 low = ivec2(floor(at));
   vec2 part = at - vec2(low);
   int count = int(width);

@@ -4,16 +4,25 @@ A pair of directions is described by its half vector h = (θh, φh) and by the d
 
     ωi = cosθd h + sinθd (cosφd a + sinφd b),    a = ∂h/∂θh,  b = z × h / |z × h|,    ωo with φd + π.
 
-Both are above the horizon where tan θd ≤ cosθh / (sinθh |cosφd|). The table's axes are
+The table's axes are
 
-    θh    warped: θh = π/2 · w sinh(x asinh(1/w)), x in [0, 1], so that a highlight gets nodes (w is chosen)
-    θd    as its share of the largest that is possible there: no node is wasted under the horizon
-    φd    over its period, π where the source is reciprocal and 2π where not; folded in half where it is isotropic
-          and left-right symmetric
+    θh    crowded towards both ends: a highlight gets nodes, and so do the directions at the horizon
+    θd    crowded towards π/2, likewise
+    φd    spread over what is possible at this θh and θd (below), over its period: π where the source is reciprocal and
+          2π where not; folded in half where it is isotropic and left-right symmetric
     φh    for an anisotropic source only: slices one above the other along θh, two fetches and a mix; folded by the
           half turn and by the mirror (φh, φd) ~ (−φh, −φd) where the source has these symmetries
 
-with nodes at both ends of each axis. Symmetries are tested on random pairs. The texels contain x = log(f/A + δ) in
+"Crowded" towards the end means x = (1 − e) u + e (1 − √(1 − u)) of the share u of the axis. That of θd is θd/(π/2), and
+that of θh is asinh(r/w)/asinh(1/w) with r = θh/(π/2); the w that suits the highlight is chosen. Towards the horizon f
+may grow like 1/(cosθi + cosθo), which even nodes there overestimate, up to twice.
+
+Both directions are above the horizon where |cosφd| ≤ 1/t, t = tanθh tanθd. The axis of φd is therefore the angle with
+the cosine cosφd max(1, t), which is (cosθo − cosθi)/(cosθo + cosθi) where t > 1. All nodes are above the horizon then,
+and neighbouring nodes are neighbouring pairs of directions, also at the horizon. With s = ωi + ωo and e = ωi − ωo, the
+angle is atan2 of (s × e).z, kept within ±2 |s| √(cosθi cosθo), and −e.z |s|.
+
+There are nodes at both ends of each axis. Symmetries are tested on random pairs. The texels contain x = log(f/A + δ) in
 steps of 1/256, where A is the mean and δ = `FLOOR`; then f = A max(0, exp(x) − δ). Interpolating logarithms follows a
 lobe over several decades.
 
@@ -47,9 +56,12 @@ WIDTHS = (0.005, 0.02, 0.08, 0.3, 1.0)
 # Nodes of φh, θh, θd, φd, from small to large: the first that is close enough is taken.
 ISOTROPIC = ((1, 48, 24, 12), (1, 64, 32, 24), (1, 96, 32, 24), (1, 160, 32, 24))
 ANISOTROPIC = ((9, 24, 12, 17), (17, 32, 16, 25))
-ENOUGH = (0.003, 0.02)
-# The outermost node of θd: many models and all measurements are at a loss at the horizon itself.
-_REACH = 0.99
+ENOUGH = (0.0035, 0.02)
+# Of the nodes towards the horizon (e above).
+_CROWDED_H, _CROWDED_D = 0.3, 0.5
+# Cosine of nodes at the horizon, half a degree above it: there many models and all measurements are at a loss.
+_LOWEST = 0.009
+_TINY = 1e-20
 _BATCH = 1 << 15
 _TITLE = "The source as a table over the angles of the half vector; logarithms, linear between its nodes."
 
@@ -203,25 +215,51 @@ def _tabulate(
     x = [torch.linspace(0, 1, n, dtype=torch.float64) for n in nodes]
     turn, theta, share, around = torch.meshgrid(*x, indexing="ij")
     phi_h = turn * symmetry.period_h * (0.5 if symmetry.mirrored else 1)
-    phi_d = around * symmetry.period_d * (0.5 if symmetry.isotropic and symmetry.mirrored else 1)
-    theta_h = (math.pi / 2 - 1e-4) * width * torch.sinh(theta * math.asinh(1 / width))
-    theta_d = _REACH * share * torch.atan2(torch.cos(theta_h), torch.sin(theta_h) * torch.cos(phi_d).abs())
+    spread = around * symmetry.period_d * (0.5 if symmetry.isotropic and symmetry.mirrored else 1)
+    theta_h = math.pi / 2 * width * torch.sinh(_share(theta, _CROWDED_H) * math.asinh(1 / width))
+    theta_d = math.pi / 2 * _share(share, _CROWDED_D)
+    cosine_d = torch.cos(spread) / (torch.tan(theta_h) * torch.tan(theta_d)).abs().clamp_min(1)
+    sine_d = torch.copysign((1 - cosine_d**2).clamp_min(0).sqrt(), torch.sin(spread))
     (sine, cosine), (y, x) = ((torch.sin(angle), torch.cos(angle)) for angle in (theta_h, phi_h))
     h, a = torch.stack((sine * x, sine * y, cosine), -1), torch.stack((cosine * x, cosine * y, -sine), -1)
     b = torch.stack((-y, x, torch.zeros_like(phi_h)), -1)
-    off = torch.sin(theta_d)[..., None] * (torch.cos(phi_d)[..., None] * a + torch.sin(phi_d)[..., None] * b)
+    off = torch.sin(theta_d)[..., None] * (cosine_d[..., None] * a + sine_d[..., None] * b)
     on = torch.cos(theta_d)[..., None] * h
-    values = _evaluate(reflectance, (on + off).reshape(-1, 3), (on - off).reshape(-1, 3))
+    values = _evaluate(reflectance, _raised(on + off), _raised(on - off))
     steps = ((values / mean + FLOOR).log() / STEP).round().clamp(-32768, 32767)
     return steps.to(torch.int16).reshape(*theta.shape, -1).numpy()
 
 
+def _share(x: Tensor, crowded: float) -> Tensor:
+    """Return the shares u of an axis at nodes x, the inverse of `_crowd`."""
+    root = ((crowded**2 + 4 * (1 - crowded) * (1 - x)).sqrt() - crowded) / (2 * (1 - crowded))
+    return 1 - root**2
+
+
+def _crowd(u: Expression, crowded: float) -> Expression:
+    """Return where the share u of an axis is among the nodes, which are crowded towards the end."""
+    return u * (1 - crowded) + (1 - call("sqrt", call("max", 1 - u, 0.0))) * crowded
+
+
+def _raised(w: Tensor) -> Tensor:
+    """Return unit directions (N, 3) of (..., 3), those at the horizon a little above it."""
+    return normalize(torch.cat((w[..., :2], w[..., 2:].clamp_min(_LOWEST)), -1).reshape(-1, 3))
+
+
 def _place_statements(symmetry: Symmetry, width: float) -> tuple[tuple[Let, ...], list[Expression]]:
     """Return statements, and a pair's coordinates in [0, 1] on the four axes, φh first (0 if isotropic)."""
-    wanted = {"theta_h", "theta_d", "azimuth_d", "reach_d"} | (set() if symmetry.isotropic else {"phi_h"})
+    wanted = {"theta_h", "theta_d"} | (set() if symmetry.isotropic else {"phi_h"})
     made = coordinates_of(frozenset(wanted))
     statements, axes = list(made.statements), made.axes
-    around, turn = axes["azimuth_d"] * (1 / symmetry.period_d), variable("turn", 1)
+    wi, wo, s, e = (variable(name, 3) for name in ("wi", "wo", "s", "e"))
+    span, across, most = variable("span", 1), variable("across", 1), variable("most", 1)
+    statements.append(Let("span", call("sqrt", call("dot", s, s))))
+    statements.append(Let("across", s.x * e.y - s.y * e.x, "of wi about h, across the plane of n and h"))
+    above = call("sqrt", call("max", wi.z * wo.z, 0.0))
+    statements.append(Let("most", span * above * 2, "as far across as both directions are above the horizon"))
+    within = call("min", call("max", across, most * -1), most)
+    around = call("atan2", within, e.z * span * -1 + _TINY) * (1 / symmetry.period_d)
+    turn = variable("turn", 1)
     if symmetry.isotropic:
         statements.append(Let("turn", constant(0)))
     elif symmetry.mirrored:
@@ -238,10 +276,9 @@ def _place_statements(symmetry: Symmetry, width: float) -> tuple[tuple[Let, ...]
         statements.append(Let("x", call("min", unfolded, 1 - unfolded) * 2))
     else:
         statements.append(Let("x", call("fract", around)))
-    share = call("min", axes["theta_d"] / (axes["reach_d"] * _REACH), 1.0)
-    statements.append(Let("y", share, "theta_d as a share of what is possible"))
+    statements.append(Let("y", _crowd(axes["theta_d"] * (2 / math.pi), _CROWDED_D)))
     stretch, half, factor = stretched("stretched", [axes["theta_h"]], width)
-    statements += [*stretch, Let("z", half[0] * factor)]
+    statements += [*stretch, Let("z", _crowd(half[0] * factor, _CROWDED_H))]
     return tuple(statements), [turn, variable("z", 1), variable("y", 1), x]
 
 
@@ -275,4 +312,4 @@ def _evaluate(reflectance: Reflectance, wi: Tensor, wo: Tensor) -> Tensor:
 
 
 def _percent(value: float) -> str:
-    return f"{100 * value:.2g} %"
+    return f"{100 * value:.2g}%"

@@ -103,14 +103,13 @@ class Layer:
 
 
 def source_layer(reflectance: Reflectance, facts: Facts = (), seed: int = 0) -> Layer:
-    """Return the source as a layer with a `source_table`; its facts state the table's size, the notes its error.
+    """Return the source as a layer with a `source_table`; its facts state the number of samples, if it has some.
 
     Raises BadInput as `source_table`.
     """
     table, samples = source_table(reflectance, seed=seed), interpolated_samples(reflectance)
     measured = None if samples is None else samples.largest_angle
-    kept = f"a table, {table.size}" if samples is None else f"{len(samples)} samples, shown by a table, {table.size}"
-    facts = (*facts, ("Textures", kept))
+    facts = (*facts, ("Textures", "none" if samples is None else f"none ({len(samples):,} samples)"))
     return Layer(SOURCE, "Source", table.glsl(SOURCE), (), facts, table, measured)
 
 
@@ -129,9 +128,9 @@ def viewer_html(
         found = f"the layers {', '.join(keys) or 'none'}"
         raise BadInput(where="viewer", found=found, expected="one to three different ones")
     own = [
-        f"{layer.title} is drawn from a table of {layer.table.size}, linear in the logarithm between its nodes. At"
-        f" {layer.table.error.count:,} random cosine-weighted pairs it is off the reflectance itself by"
-        f" {layer.table.error.words()}. The table approximates the source."
+        f"The page draws {layer.title} from a table of {layer.table.size} nodes, and interpolates its logarithms. At"
+        f" {layer.table.error.count:,} random cosine-weighted pairs of directions, the table differs from the source by"
+        f" {layer.table.error.words()}. Only this page uses the table: the listed bytes do not include it."
         for layer in layers
         if layer.table is not None
     ]

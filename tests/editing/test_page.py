@@ -14,6 +14,7 @@ from editing.scenes import prepared_paint, relative, single
 
 from homofact.brdf.analytic import Lambert
 from homofact.editing import models
+from homofact.editing.basis import basis_of, product_of
 from homofact.editing.block_floats import BlockFloats
 from homofact.editing.furnace import albedo_of
 from homofact.editing.furnace_table import furnace_table
@@ -28,7 +29,10 @@ from homofact.editing.page.quotients import (
     to_rusinkiewicz,
 )
 from homofact.editing.pairs import pairs_of
+from homofact.editing.picture import starting_curves, summed_curves
 from homofact.editing.precompute import prepare
+from homofact.editing.scene import PreparedScene, PreparedTerm
+from homofact.editing.transport import FullTransport
 from homofact.errors import BadInput
 
 
@@ -39,25 +43,57 @@ def data_of(page: Path) -> dict[str, Any]:
     return json.loads(found[1])
 
 
+def starts_of(prepared: PreparedScene, part: PreparedTerm) -> list[torch.Tensor]:
+    """The curves of a part's sum as they start."""
+    material = prepared.scene.objects[part.object].material
+    return summed_curves(part, material, starting_curves(prepared))
+
+
+def coding_error(transport: LowRank, starts: list[torch.Tensor], curves: list[torch.Tensor]) -> float:
+    """Relative RMS of the coded transport's picture of curves."""
+    found = coded(transport, starts)
+    assert found.numbers.dtype == found.outward.dtype == np.int16
+    rho = product_of(curves) / transport.scale
+    a, rows = found.numbers * found.steps[:, None, None], found.outward * found.rows[:, None] * found.columns
+    return relative(torch.from_numpy(np.einsum("rpc,rc->pc", a, rows @ rho.T)), transport.picture(curves))
+
+
 @pytest.mark.slow
 def test_coded_transports_are_far_closer_than_half_floats() -> None:
-    for part in page_prepared().parts:
-        transport = part.transport
+    prepared = page_prepared()
+    for part in prepared.parts:
+        transport, starts = part.transport, starts_of(prepared, part)
         assert isinstance(transport, LowRank)
-        found = coded(transport)
-        assert found.numbers.dtype == found.outward.dtype == np.int16
         generator = np.random.default_rng(1)
-        for rho in (np.ones(found.outward.shape[1]), generator.uniform(0.5, 2.0, found.outward.shape[1])):
-            exact = torch.from_numpy(transport.coefficients.values() @ (transport.outward.values()[:, 0] @ rho))
-            a, rows = found.numbers * found.steps[:, None, None], found.outward * found.outward_steps[:, None]
-            shown = torch.from_numpy(a.transpose(1, 2, 0) @ (rows @ rho))
-            assert relative(shown, exact) < 2.0**-11
+        edited = [each * torch.from_numpy(generator.uniform(0.5, 2.0, (len(each), 1))) for each in starts]
+        for curves in (starts, edited):
+            assert coding_error(transport, starts, curves) < 2.0**-11
+
+
+def test_curves_over_five_decades_are_coded_without_rings() -> None:
+    """Where a curve starts near nothing and the quotient is large, so is W: one step per row left an error of 0.7%."""
+    pixels, bands = 400, (32, 32)
+    places = [np.linspace(0, 1, count) for count in bands]
+    starts = [
+        torch.from_numpy(each)[:, None].expand(-1, 3) for each in (np.exp(-11.5 * places[0]), 0.01 + places[1] ** 5)
+    ]
+    wanders = np.random.default_rng(2).uniform(0, 1, (pixels, 2))
+    parts = [np.exp(-(((each - wanders[:, k, None]) / 0.2) ** 2)) for k, each in enumerate(places)]
+    block = np.einsum("pj,pk,j->pjk", *parts, np.exp(9 * places[0])).reshape(pixels, 1, -1).repeat(3, 1)
+    basis = basis_of(block[:, 0], np.zeros(pixels, int), starts)
+    full = FullTransport(block.reshape(pixels, 3, *bands).astype(np.float32), 2)
+    kept, outward = BlockFloats.of(basis.coefficients(block)), BlockFloats.of(basis.outward[:, None])
+    transport = LowRank(kept, outward, basis.scale, bands, np.arange(pixels), full)
+    for curves in (starts, [starts[0] ** 0.7, starts[1]]):
+        assert coding_error(transport, starts, curves) < 5e-4
 
 
 def test_a_part_without_light_is_coded_as_nothing() -> None:
-    part = page_prepared().parts[0].transport
+    prepared = page_prepared()
+    part = prepared.parts[0].transport
     assert isinstance(part, LowRank)
-    dark = coded(replace(part, coefficients=BlockFloats.of(np.zeros(part.coefficients.codes.shape))))
+    black = replace(part, coefficients=BlockFloats.of(np.zeros(part.coefficients.codes.shape)))
+    dark = coded(black, starts_of(prepared, prepared.parts[0]))
     assert not dark.numbers.any()
     assert np.isfinite(dark.steps).all()
 

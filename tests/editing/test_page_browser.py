@@ -1,5 +1,6 @@
 """The page of a prepared scene in a headless Chromium: its pictures, curves and albedo are the library's."""
 
+import re
 from dataclasses import replace
 from typing import Any
 
@@ -205,6 +206,35 @@ def test_what_is_seen_is_tone_mapped_as_elsewhere(page: Any) -> None:
         page.execute_script("homofact.state.show = 'after'")
     page.execute_script("homofact.state.tones = 'srgb'; homofact.page.stops = -1")
     same(pixels(page, 0), mapped(session, 0, 0.5, "srgb"), 0)
+
+
+@pytest.mark.slow
+def test_the_status_says_whether_the_picture_is_finished(page: Any) -> None:
+    status = "return document.getElementById('status').textContent"
+    finished = "return !document.getElementById('settled').hidden"
+    wait_for(page, finished)
+    assert re.fullmatch(r"nothing edited( · [\d.]+ ms)? · finished, \d+ × \d+ pixels", page.execute_script(status))
+    # No picture is finished while a curve is being dragged.
+    page.execute_script(
+        "const p = homofact.page; p.beginStep(); p.setValues(p.values.map((x, i) => x * (1 + (i % 3))))"
+    )
+    quiet(page)
+    assert re.fullmatch(r"1 curve edited · [\d.]+ ms · draft, 28 × 20 pixels", page.execute_script(status))
+    page.execute_script("homofact.page.endStep()")
+    wait_for(page, finished)
+    width, height = page.execute_script("const c = document.getElementById('settled'); return [c.width, c.height]")
+    assert page.execute_script(status).endswith(f" · finished, {width} × {height} pixels")
+
+
+@pytest.mark.slow
+def test_the_plot_names_its_axes(page: Any) -> None:
+    words = page.execute_script(
+        "const p = homofact.page, own = CanvasRenderingContext2D.prototype, fill = own.fillText, found = [];"
+        "own.fillText = function (text, ...more) { found.push(text); fill.call(this, text, ...more); };"
+        "for (const root of [false, true]) { p.state.root = p.state.logs = root; p.drawPlot(); }"
+        "own.fillText = fill; return found.filter((text) => /[a-z]{3}/.test(text))"
+    )
+    assert words == ["θh in degrees", "value", "θh in degrees (square-root scale)", "value (logarithmic scale)"]
 
 
 def test_the_settled_picture_is_the_enlarged_one(page: Any) -> None:

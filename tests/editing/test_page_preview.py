@@ -1,5 +1,6 @@
 """The page's preview sphere in a headless Chromium, and the page where a browser cannot draw it."""
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -9,12 +10,15 @@ import pytest
 import torch
 from browser import browser, headless
 from editing.page_opened import begin, check_pictures, put
-from editing.page_scene import page_prepared, quiet
+from editing.page_scene import materials, page_prepared, quiet
 
 from homofact.editing.curves import Bands, band_place
+from homofact.editing.page.quotients import quotient_table
 from homofact.editing.picture import Address
 from homofact.editing.session import Session
 from homofact.geometry.directions import normalize
+from homofact.rendering.sphere import SphereImage
+from homofact.rendering.tonemap import automatic_exposure
 
 PAINT: Address = ("paint", "specular", "distribution")
 
@@ -46,6 +50,36 @@ def test_the_preview_shows_the_edited_material(page: Any) -> None:
         covered = found[:, 3] > 0
         off = (found[covered, :3] - expected[covered]).square().mean().sqrt() / expected[covered].square().mean().sqrt()
         assert float(off) < most, name
+
+
+@pytest.mark.slow
+def test_the_preview_is_exposed_like_a_picture(page: Any) -> None:
+    """Of all channels and the highlight: by the green of a red paint alone, its red would be white."""
+    for number in range(4):
+        values, stops = page.execute_script(
+            "const p = homofact.page, [number] = arguments; p.preview.materials[number].stops = null;"
+            "p.preview.draw(number, p.start, p.start, 'filmic');"
+            "return [Array.from(p.preview.radiance(number, p.start, 64)), p.preview.materials[number].stops]",
+            number,
+        )
+        found = torch.tensor(values, dtype=torch.float64).reshape(64, 64, 4)
+        expected = automatic_exposure(SphereImage(found[..., :3], found[..., 3]))
+        assert stops == pytest.approx(math.log2(expected), abs=1e-3)
+
+
+@pytest.mark.slow
+def test_the_preview_says_how_far_off_it_is(page: Any) -> None:
+    said = []
+    for number in (0, 3):
+        page.execute_script("homofact.page.controls.edit(arguments[0])", number)
+        quiet(page)
+        said.append(page.execute_script("return document.getElementById('preview-note').textContent"))
+    shown = "The sphere shows the material under one light, without shadows."
+    error = max(quotient_table(term).error(term) for term in materials()[0].terms)
+    assert said[0].startswith(f"{shown} It reads the material from a coarse table, so its brightness is off by ")
+    assert float(said[0].split("off by ")[1].split("%")[0]) == pytest.approx(100 * error, rel=0.05)
+    # The floor's quotient is one number.
+    assert said[1] == shown
 
 
 @dataclass(frozen=True)

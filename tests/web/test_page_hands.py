@@ -2,8 +2,10 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 import torch
 from browser import headless
@@ -110,8 +112,11 @@ def test_dragging_turns_and_pointing_reads(show: Open) -> None:
 def test_the_numbers_and_the_textures_are_shown(show: Open, record_property: Callable[[str, object], None]) -> None:
     sentence = "a verdict of many words: " + "total reflected light within 5%, " * 3
     facts = (("Verdict", sentence), ("Log MSE, held out", "0.0123"))
+    fit = fit_layer(CASES["five of all kinds"], "fit", "Fit", facts)
+    first = fit.textures[0]
+    mask = np.arange(first.pixels[..., 0].size).reshape(first.pixels.shape[:2]) > 2
     driver = show(
-        fit_layer(CASES["five of all kinds"], "fit", "Fit", facts),
+        replace(fit, textures=(replace(first, mask=mask), *fit.textures[1:])),
         fit_layer(CASES["McCool, one channel"], "mccool", "McCool"),
         source_layer(Lambert((0.5, 0.5, 0.5))),
         notes=["A note & <more>."],
@@ -134,6 +139,11 @@ def test_the_numbers_and_the_textures_are_shown(show: Open, record_property: Cal
     captions = driver.execute_script("return Array.from(document.querySelectorAll('figcaption'), f => f.innerText)")
     assert len(captions) == 7
     assert captions[0].startswith("searched in θh, θd, φd, warped")
+    # Of McCool's, every texel is read.
+    captions = (
+        "return Array.from(document.querySelectorAll('.texture-set'), s => s.querySelector(':scope > p')?.innerText)"
+    )
+    assert driver.execute_script(captions) == ["Hatched: texels that no pair of directions reads.", None]
     assert "A note & <more>." in driver.execute_script("return document.getElementById('notes').innerText")
     assert driver.title == "A test"
 

@@ -12,10 +12,12 @@ import torch
 from shading_cases import CASES
 from viewer_page import change, gathered, radiance, shown_note
 
+from homofact.brdf.analytic.ggx import GgxBrdf, GgxLobe
 from homofact.brdf.analytic.phong import Phong
 from homofact.rendering.environment import read_environment
 from homofact.rendering.filtered import render_filtered
 from homofact.rendering.light import EnvironmentMap
+from homofact.rendering.sphere import render_sphere
 from homofact.web.layers import fit_layer
 from homofact.web.viewer import source_layer
 
@@ -78,6 +80,55 @@ def test_a_sphere_under_the_sky_is_python_s(
     assert apart < 0.04
     assert in_blocks < 0.015
     assert abs(over) < 0.004
+
+
+AFTER_16 = (
+    "const done = arguments[0]; window.homofact.changed();"
+    "(function wait() { const { passes } = window.homofact;"
+    " if (passes < 16 || passes >= 32) { requestAnimationFrame(wait); return; }"
+    " const { width, height, values } = window.homofact.radiance('source');"
+    " done([width, height, Array.from(values)]); })();"
+)
+
+
+@pytest.mark.parametrize(("roughness", "grain"), [(0.12, 0.06), (0.35, 0.1)])
+def test_the_rim_under_the_sky_is_python_s(roughness: float, grain: float, show: Open) -> None:
+    """At the rim both directions are grazing, and the sun is 300 times brighter than the sky."""
+    model = GgxBrdf((0.05, 0.05, 0.05), (GgxLobe((1.0, 1.0, 1.0), roughness, 0.05),))
+    driver = show(source_layer(model), link="", side=SMALL)
+    width, height, values = driver.execute_async_script(AFTER_16)
+    sums = np.array(values).reshape(height, width, 4)[::-1]
+    gathered(driver, PASSES)
+    found = radiance(driver, "source").mean(2)
+    turn = math.radians(driver.execute_script("return window.homofact.state.lightFrom.azimuth"))
+    light = EnvironmentMap(smoothed(sky_of(driver)[..., :3]), turn)
+    expected = render_sphere(model, light, SMALL, samples=2048).radiance.numpy().mean(2)
+    y, x = np.mgrid[:SMALL, :SMALL] - (SMALL - 1) / 2
+    distance, azimuth = np.hypot(x, y) / (0.94 * SMALL / 2), np.degrees(np.arctan2(-y, x))
+    rim = (distance > 0.95) & (distance < 1)
+    for middle in range(-180, 180, 15):
+        part = rim & (np.abs((azimuth - middle + 180) % 360 - 180) < 12)
+        assert found[part].mean() == pytest.approx(expected[part].mean(), rel=0.08), middle
+    early = (sums[..., :3].sum(2) / 3 / np.maximum(sums[..., 3], 1e-9))[rim]
+    assert np.abs(early / expected[rim] - 1).mean() < grain
+
+
+def test_the_titles_count_the_passes_until_the_last(show: Open) -> None:
+    driver = show(source_layer(Phong((0.1,) * 3, (0.4,) * 3, exponent=5)), link="", side=SMALL)
+    driver.execute_script(
+        "const now = performance.now.bind(performance); performance.now = () => 100 * now(); window.homofact.changed();"
+    )
+    said = driver.execute_async_script(
+        "const [passes, done] = arguments; const said = [];"
+        "(function wait() { const p = document.querySelector('.card header p').textContent;"
+        " said.push([window.homofact.passes, p]); window.homofact.passes < passes || !window.homofact.idle"
+        " ? requestAnimationFrame(wait) : done(said); })();",
+        PASSES,
+    )
+    counted = [(passes, words) for passes, words in said if words.startswith("pass ")]
+    assert len({passes for passes, _ in counted}) > 3
+    assert all(words == f"pass {passes} of {PASSES}" for passes, words in counted)
+    assert said[-1] == [PASSES, "as a table"]
 
 
 def blocks(picture: np.ndarray) -> np.ndarray:

@@ -9,6 +9,7 @@ import pytest
 import torch
 from torch import Tensor
 
+from homofact.brdf.analytic.ggx import GgxBrdf, GgxLobe
 from homofact.brdf.channels import LuminanceOf
 from homofact.brdf.materials import MATERIALS, material
 from homofact.brdf.symmetry import Symmetry, find_symmetry
@@ -88,24 +89,69 @@ def test_the_error_that_is_stated_is_the_error(name: str) -> None:
     assert table.error.count == 4096
 
 
+def share_at(x: float, crowded: float) -> float:
+    """The share u of an axis with x = (1 − e) u + e (1 − √(1 − u)), by bisection."""
+    low, high = 0.0, 1.0
+    for _ in range(60):
+        u = (low + high) / 2
+        low, high = (u, high) if (1 - crowded) * u + crowded * (1 - math.sqrt(1 - u)) < x else (low, u)
+    return (low + high) / 2
+
+
 def test_nodes_hold_the_logarithm_to_half_a_step() -> None:
     model = material("blinn-phong-50").model
     table = source_table(model, pairs=500)
     _, theta_h, theta_d, phi_d = table.steps.shape[:4]
-    # φd is folded to [0, π/2]; node (a, b, c) by the module's own words.
-    for a, b, c in ((0, 0, 0), (3, 5, 2), (theta_h // 2, theta_d // 2, 3), (10, theta_d - 1, phi_d - 1)):
-        x, share, around = a / (theta_h - 1), b / (theta_d - 1), c / (phi_d - 1)
-        th = (math.pi / 2 - 1e-4) * table.width * math.sinh(x * math.asinh(1 / table.width))
-        pd = around * math.pi / 2
-        td = 0.99 * share * math.atan2(math.cos(th), math.sin(th) * abs(math.cos(pd)))
+    # φd is folded to [0, π/2]; node (a, b, c) by the module's own words. The last two have t > 1.
+    for a, b, c in ((0, 0, 0), (3, 5, 2), (theta_h // 2, theta_d // 2, 3), (40, theta_d - 8, 7), (30, 20, phi_d - 1)):
+        x, y, around = a / (theta_h - 1), b / (theta_d - 1), c / (phi_d - 1)
+        th = math.pi / 2 * table.width * math.sinh(share_at(x, 0.3) * math.asinh(1 / table.width))
+        td = math.pi / 2 * share_at(y, 0.5)
+        pd = math.acos(math.cos(around * math.pi / 2) / max(1, math.tan(th) * math.tan(td)))
         h = torch.tensor([math.sin(th), 0, math.cos(th)])
         off = math.cos(pd) * torch.tensor([math.cos(th), 0, -math.sin(th)]) + math.sin(pd) * torch.tensor(
             [0.0, 1.0, 0.0]
         )
         wi, wo = ((math.cos(td) * h + s * math.sin(td) * off)[None].double() for s in (1, -1))
+        assert min(float(wi[0, 2]), float(wo[0, 2])) > 0.009, (a, b, c)
         value = model.evaluate(wi, wo)[0].numpy()
         steps = np.log(value / table.mean + FLOOR) / STEP
         assert np.abs(table.steps[0, a, b, c] - steps).max() < 0.51
+
+
+def upper_half(steps: int) -> tuple[Tensor, Tensor]:
+    """Directions (N, 3) over half of the hemisphere, the other half mirrored, and their solid angles; finer below."""
+    edge = torch.cat((torch.linspace(0, 0.1, steps), torch.linspace(0.1, 1, steps)[1:])).double()
+    z, dz = (edge[1:] + edge[:-1]) / 2, edge.diff()
+    phi = (torch.arange(90).double() + 0.5) * math.pi / 90
+    height, azimuth = torch.meshgrid(z, phi, indexing="ij")
+    sine = (1 - height**2).sqrt()
+    directions = torch.stack((sine * torch.cos(azimuth), sine * torch.sin(azimuth), height), -1).reshape(-1, 3)
+    return directions, (dz[:, None] * (2 * math.pi / 90)).expand(-1, 90).reshape(-1)
+
+
+@pytest.mark.parametrize(
+    "model",
+    [
+        GgxBrdf((0.1,) * 3, (GgxLobe((1.0,) * 3, 0.3, 0.05),)),
+        GgxBrdf((0.1,) * 3, (GgxLobe((1.0,) * 3, 0.1, 0.05),)),
+        material("cook-torrance-plastic").model,
+        material("lafortune-clay").model,
+    ],
+    ids=["rough", "smooth", "cook-torrance", "lafortune"],
+)
+def test_the_rim_of_a_sphere_is_the_source_s(model: Any) -> None:
+    """Reflected light at grazing views, in total and away from the mirror direction, where a low sun adds a fringe."""
+    table = source_table(model, pairs=1000)
+    wi, solid = upper_half(60)
+    for degrees in (80.0, 85.0, 88.0, 89.0):
+        theta = math.radians(degrees)
+        wo = torch.tensor([[math.sin(theta), 0, math.cos(theta)]], dtype=torch.float64).expand(len(wi), 3)
+        found, truth = ((f.evaluate(wi, wo) * wi[:, 2:]).mean(1) for f in (table, model))
+        albedo = float((truth * solid).sum())
+        assert float((found * solid).sum()) == pytest.approx(albedo, rel=0.04), degrees
+        aside = wi[:, 0] > -0.3
+        assert float((found - truth)[aside].abs().max()) < 0.008 * albedo, degrees
 
 
 def test_one_channel_is_three_equal_ones_in_the_page() -> None:

@@ -20,6 +20,7 @@ from unpacked import unpack
 from homofact.brdf.materials import material
 from homofact.brdf.sampling import sample_model
 from homofact.brdf.scattered import surface_of
+from homofact.brdf.source import open_source
 from homofact.errors import BadInput
 from homofact.evaluation.bar.error_bar import BarKind, ErrorBar, ErrorBars
 from homofact.factor.projection import fixed_projection
@@ -31,7 +32,7 @@ from homofact.shading.encoding import encode_texture
 from homofact.shading.program import program_of
 from homofact.web.layers import fit_layer
 from homofact.web.packing import TYPES, differences, pack
-from homofact.web.page import _verdict
+from homofact.web.page import _bytes, _verdict
 from homofact.web.viewer import Layer, LayerTexture, source_layer, viewer_html, write_viewer
 
 GLSL = "uniform sampler2D a_texture_0;\nvec3 a_evaluate(vec3 wi, vec3 wo) { return vec3(0.0); }"
@@ -291,14 +292,27 @@ def test_the_page_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
 def test_the_source_says_that_it_is_a_table() -> None:
     layer = source_layer(material("phong-10").model, facts=(("Bytes", "0"),))
     assert layer.table is not None
-    assert layer.facts == (("Bytes", "0"), ("Textures", f"a table, {layer.table.size}"))
+    assert layer.facts == (("Bytes", "0"), ("Textures", "none"))
     data = data_of(viewer_html([layer], title="", notes=["first"]))
     assert data["notes"][0] == "first"
-    assert "The table approximates the source." in data["notes"][1]
-    assert layer.table.error.words() in data["notes"][1]
+    assert f"draws Source from a table of {layer.table.size} nodes" in data["notes"][1]
+    assert f"differs from the source by {layer.table.error.words()}." in data["notes"][1]
     volume = data["layers"][0]["volume"]
     assert volume["name"] == "source_texture_0"
     assert (unpack(volume["steps"]) == layer.table.differences()).all()
+
+
+def test_the_bytes_of_a_list_are_those_of_its_samples_as_float32() -> None:
+    """Angles and values, as many bytes as a fit's textures are counted with; not what interpolation makes of them."""
+    source = open_source("material:phong-10", count=300)
+    assert _bytes(source) == "analytic"
+    half = source.samples.select(torch.arange(150))
+    for samples, numbers in ((half, 3 + 3), (replace(half, isotropic=False), 4 + 3), (half.channel("R"), 3 + 1)):
+        measured = replace(source, kind="measurement", samples=samples, reflectance=surface_of(samples))
+        assert _bytes(measured) == f"{150 * numbers * 4:,} (samples as float32)"
+    assert dict(source_layer(surface_of(half)).facts)["Textures"] == "none (150 samples)"
+    table = replace(source, kind="drawn")
+    assert _bytes(table) == f"{source.reflectance.nbytes} (as stored)"
 
 
 def test_the_source_of_a_list_knows_up_to_which_angle_it_was_measured() -> None:

@@ -211,8 +211,9 @@ def _sky(lighting: Lighting) -> dict[str, Any] | None:
 
 def _part(prepared: PreparedScene, part: PreparedTerm) -> dict[str, Any]:
     transport = _low_rank(part)
-    found = coded(transport)
-    term = prepared.scene.objects[part.object].material.term(part.term)
+    material = prepared.scene.objects[part.object].material
+    term, start = material.term(part.term), material.banded_start()
+    found = coded(transport, [start[part.term, slot.name].values for slot in term.summed])
     bands_of = lru_cache(lambda count: pack(band_of(part.theta_o, count).numpy().astype(np.uint8)))
     pattern = None
     if part.factor is not None:
@@ -225,8 +226,9 @@ def _part(prepared: PreparedScene, part: PreparedTerm) -> dict[str, Any]:
         "term": part.term,
         "numbers": pack(found.numbers),
         "steps": found.steps.tolist(),
-        "outward": pack(differences(found.outward.reshape(-1, *transport.bands), (1,))),
-        "outward_steps": found.outward_steps.tolist(),
+        "outward": pack(found.outward.reshape(-1, *transport.bands)),
+        "rows": pack(found.rows),
+        "columns": pack(found.columns),
         "outgoing": {slot.name: bands_of(slot.bands) for slot in term.slots if slot.also_outgoing or not slot.in_sum},
         "pattern": pattern,
         "received": None if part.senders is None else _received(part.rows, part.senders),

@@ -41,7 +41,11 @@ class Page {
   /** Without WebGL 2 the small picture stays. */
   makeSettled() {
     this.settled = null;
-    by("settled").addEventListener("webglcontextlost", () => { this.settled = null; by("settled").hidden = true; });
+    by("settled").addEventListener("webglcontextlost", () => {
+      this.settled = null;
+      by("settled").hidden = true;
+      showStatus(this);
+    });
     try {
       this.settled = new Settled(by("settled"), this.meshes, this.sky);
     } catch (error) {
@@ -269,6 +273,7 @@ class Page {
     const before = state.show === "after" ? null : view.other(history.kept[state.compare].state), cut = state.show === "split" ? state.split : 1;
     settled.draw(view, view.radiance, before, cut, [width * ratio, height * ratio], 2 ** (this.stops + state.stops), state.tones);
     by("settled").hidden = false;
+    showStatus(this);
   }
 
   /** Where the picture lies in its place, in CSS pixels: as large as fits. */

@@ -144,11 +144,11 @@ class Plot {
       context.stroke();
       context.fillText(`${degrees}°`, Math.min(x, right - 8), bottom + 11);
     }
-    context.fillText(`${curve.letters}, degrees${this.root ? ", by its root" : ""}`, (MARGIN.left + right) / 2, bottom + 28);
+    context.fillText(`${curve.letters} in degrees${this.root ? " (square-root scale)" : ""}`, (MARGIN.left + right) / 2, bottom + 28);
     context.save();
     context.translate(9, (MARGIN.top + bottom) / 2);
     context.rotate(-Math.PI / 2);
-    context.fillText(this.axis.logs ? "value, logarithmic" : "value", 0, 0);
+    context.fillText(this.axis.logs ? "value (logarithmic scale)" : "value", 0, 0);
     context.restore();
   }
 

@@ -99,11 +99,11 @@ class Preview {
     this.render(number, state, size, size, false, material.stops, curve);
   }
 
-  /** The median of what is lit to 0.3 of white, as the page first shows it. */
+  /** The automatic exposure of the sphere, as that of the pictures. */
   stops(number, start) {
     if (!this.floats) return 0;
-    const radiance = this.radiance(number, start, 64).filter((_, i) => i % 4 === 1).filter((value) => value > 0).sort();
-    return radiance.length ? Math.log2(0.3 / radiance[radiance.length >> 1]) : 0;
+    const covered = this.radiance(number, start, 64).filter((_, i, all) => i % 4 < 3 && all[i | 3] > 0);
+    return automaticStops(covered, 3);
   }
 
   /** Radiance (size² × 4, rows from below; the fourth says whether the sphere is there). */

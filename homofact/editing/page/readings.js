@@ -45,10 +45,11 @@ function albedoChart(furnace, albedo) {
   return svg("svg", { viewBox: "0 0 176 96", role: "img", "aria-label": "Albedo over the angle of the light" }, line(0, "#2c2f35"), line(1, "#8a5a3c"), ...curves, ...words, ...marks);
 }
 
-/** How large the preview's own error is, and that it is no more than a preview. */
+/** What the preview shows, and how far off the table is that it draws the material from. */
 function previewInWords(terms) {
-  const error = Math.max(...terms.map((term) => term.error));
-  return `One light, no shadows. The quotient is a table here, ${percent(error)} off (relative RMS of the material as it starts); pictures of the scene do not use it.`;
+  const error = Math.max(...terms.map((term) => term.error)), shown = "The sphere shows the material under one light, without shadows.";
+  if (error < 5e-4) return shown;
+  return `${shown} It reads the material from a coarse table, so its brightness is off by ${percent(error)} (relative RMS before edits). The picture of the scene does not use this table.`;
 }
 
 /** Brings buttons, sliders and words in line with the page's state. */
@@ -70,9 +71,11 @@ function showState(page) {
   by("preview-note").textContent = [page.preview ? previewInWords(page.materials[state.material].terms) : "", ...material.notes].filter(Boolean).join(" ");
 }
 
-/** The line over the picture. */
-function showStatus({ view, times, history }) {
+/** The line over the picture: edits, the time of the last one, and how far the picture is. */
+function showStatus({ view, times, history, settled }) {
   const changed = history.changed.length, edits = changed === 0 ? "nothing edited" : changed === 1 ? "1 curve edited" : `${changed} curves edited`;
   const time = times.edit === null ? "" : ` · ${times.edit < 9.95 ? times.edit.toFixed(1) : times.edit.toFixed(0)} ms`;
-  by("status").textContent = `${edits}${view.pending ? ` · ${view.pending} pending` : ""}${time}`;
+  const size = ({ width, height }) => `${width} × ${height} pixels`, finished = settled && !by("settled").hidden;
+  const picture = finished ? `finished, ${size(settled.canvas)}` : settled ? `draft, ${size(view)}` : size(view);
+  by("status").textContent = `${edits}${view.pending ? ` · ${view.pending} pending` : ""}${time} · ${picture}`;
 }

@@ -4,7 +4,7 @@
 const TOGETHER = 4;
 
 class Part {
-  /** `curves` are the term's in their order; `numbers` (r × P × C) int16, `outward` (r × J·K).
+  /** `curves` are the term's in their order; `numbers` (r × P × C) int16, `outward` W (r × J·K).
    *  Light of other surfaces has `received`: a row of the view and a sender's number for each of P, of these `senders`. */
   constructor(given, curves, channels, floor, senders) {
     Object.assign(this, given);
@@ -69,14 +69,14 @@ class Part {
   }
 
   single(values) {
-    const { rank, channels, first, outward, outward_steps: steps } = this;
+    const { rank, channels, first, outward } = this;
     return this.inverse.map((inverse, c) => {
       const weighted = new Float64Array(first), found = new Float64Array(rank);
       for (let j = 0; j < first; j++) weighted[j] = values[j * channels + c] * inverse[j];
       for (let k = 0, i = 0; k < rank; k++) {
         let sum = 0;
         for (let j = 0; j < first; j++, i++) sum += outward[i] * weighted[j];
-        found[k] = sum * steps[k];
+        found[k] = sum;
       }
       return found;
     });
@@ -85,21 +85,20 @@ class Part {
   /** W times the other curve: for each channel r × bands of the active one. Kept until the other curve changes. */
   contracted(active, other) {
     if (this.held[active]?.other === other) return this.held[active].table;
-    const { rank, channels, first, second, outward, outward_steps: steps } = this;
+    const { rank, channels, first, second, outward } = this;
     const table = this.inverse.map((inverse, c) => {
       const weights = new Float64Array(first * second), rows = new Float64Array(rank * (active === 0 ? first : second));
       for (let j = 0, i = 0; j < first; j++) {
         for (let q = 0; q < second; q++, i++) weights[i] = inverse[i] * other[(active === 0 ? q : j) * channels + c];
       }
       for (let k = 0, i = 0; k < rank; k++) {
-        const step = steps[k];
         for (let j = 0, w = 0; j < first; j++) {
           if (active === 0) {
             let sum = 0;
             for (let q = 0; q < second; q++, i++, w++) sum += outward[i] * weights[w];
-            rows[k * first + j] = sum * step;
+            rows[k * first + j] = sum;
           } else {
-            for (let q = 0, to = k * second; q < second; q++, i++, w++, to++) rows[to] += outward[i] * weights[w] * step;
+            for (let q = 0, to = k * second; q < second; q++, i++, w++, to++) rows[to] += outward[i] * weights[w];
           }
         }
       }
@@ -186,9 +185,8 @@ class Part {
 
 /** The arrays of a part, unpacked; small ones as they are. */
 async function unpackPart(given) {
-  const [numbers, outward] = await Promise.all([unpack(given.numbers), unpack(given.outward)]);
-  const [rank, first, second = 1] = given.outward.shape;
-  accumulate(outward, second, first);
+  const [numbers, codes, rowScales, columnScales] = await Promise.all(["numbers", "outward", "rows", "columns"].map((name) => unpack(given[name])));
+  const rank = rowScales.length, columns = columnScales.length;
   const outgoing = {};
   for (const [name, packed] of Object.entries(given.outgoing)) outgoing[name] = await unpack(packed);
   const pattern = given.pattern && { scale: given.pattern.scale, values: await unpack(given.pattern.values) };
@@ -199,5 +197,6 @@ async function unpackPart(given) {
     received = { rows, senders };
   }
   // What is read again and again is kept as floats.
-  return { ...given, rank, numbers, outward: Float32Array.from(outward), outgoing, pattern, received };
+  const outward = Float32Array.from(codes, (code, i) => code * rowScales[Math.floor(i / columns)] * columnScales[i % columns]);
+  return { ...given, rank, numbers, outward, outgoing, pattern, received };
 }
