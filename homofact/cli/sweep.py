@@ -13,10 +13,16 @@ from homofact.cli import options as o
 from homofact.cli.layout import add_figures, add_names, plain_table
 from homofact.cli.screen import Screen
 from homofact.cli.together import show_together
-from homofact.evaluation.wording import figure
+from homofact.evaluation.wording import figure, listed
 
 if TYPE_CHECKING:
     from homofact.sweeps.summary import FitRow
+
+# Columns of the tables, by the names of figures.
+_LIGHT = {"albedo_worst": "albedo", "highlight": "highlight", "psnr_sky": "sky dB"}
+_LIMITS = {"light_limit": "light", "highlight_limit": "highlight", "sky_limit": "sky"}
+_WITHIN = "light, highlight, sky: within these limits, which the verdict estimates; ×2 is a factor of 2"
+_IN_ALL_DIRECTIONS = "These compare fit and source in all directions, where a list of samples cannot be evaluated."
 
 
 def sweep(
@@ -73,11 +79,9 @@ def sweep(
     if isinstance(found, TogetherResult):
         show_together(found, screen)
     elif not quiet:
-        from homofact.sweeps.summary import mixes_epsilons, without_light
+        from homofact.sweeps.summary import mixes_epsilons
 
-        screen.show(summary_table(found.rows))
-        if lists := without_light(found.rows):
-            screen.show(f"albedo, peak and sky dB leave out {', '.join(lists)}: they are unknown for lists of samples.")
+        screen.show(*summary_tables(found.rows), *light_lines(found.rows))
         if mixes_epsilons(found.rows):
             screen.show("These fits have more than one ε. Compare their log errors only between fits of the same ε.")
         screen.show(*(Text(f"set aside: {task.task.words}: {task.reason}") for task in found.aside))
@@ -87,18 +91,41 @@ def sweep(
     screen.answer(found.record())
 
 
-def summary_table(rows: "Sequence[FitRow]") -> Table:
-    """Return one line per method: the number of fits, and medians over them."""
-    from homofact.sweeps.summary import by_label, middle
+def summary_tables(rows: "Sequence[FitRow]") -> list[Table]:
+    """Return one line per method: how many of its fits are trusted, and medians over them.
 
-    table = plain_table(
-        "Medians over all materials and seeds (albedo, highlight: the factor by which the light is wrong, 1 is right)"
-    )
-    add_names(table)
-    add_figures(table, "fits", "trusted", "bytes", "fit, s", "log mse", "albedo", "highlight", "sky dB")
+    Lists of samples have the limits of their verdicts instead of figures of light. If other sources have figures of
+    light, the limits have a table of their own.
+    """
+    from homofact.sweeps.summary import by_label, limit_figure, middle, with_values
+
+    names = {each.name for each in with_values(rows)}
+    light, limits = ({name: own[name] for name in own if name in names} for own in (_LIGHT, _LIMITS))
+    about = "albedo, highlight: the factor by which the light is wrong, 1 is right" if light else _WITHIN
+    table = plain_table(f"Medians over all materials and seeds{f' ({about})' if light or limits else ''}")
+    second = plain_table(f"Medians over lists of samples ({_WITHIN})")
+    for each in (table, second):
+        add_names(each)
+    add_figures(table, "trusted", "bytes", "fit, s", "log mse", *(light or limits).values())
+    add_figures(second, *limits.values())
     for label, some in by_label(rows).items():
-        figures = [figure(middle(some, name)) for name in ("log_mse", "albedo_worst", "highlight", "psnr_sky")]
         size, seconds = (median(getattr(row, name) for row in some) for name in ("bytes", "seconds"))
         trusted = sum(row.trusted for row in some)
-        table.add_row(Text(label), f"{len(some)}", f"{trusted}", f"{size:.0f}", figure(seconds), *figures)
-    return table
+        plain = [f"{trusted} of {len(some)}", f"{size:.0f}", figure(seconds), figure(middle(some, "log_mse"))]
+        within = [limit_figure(middle(some, name)) for name in limits]
+        table.add_row(Text(label), *plain, *([figure(middle(some, name)) for name in light] or within))
+        second.add_row(Text(label), *within)
+    return [table, second] if light and limits else [table]
+
+
+def light_lines(rows: "Sequence[FitRow]") -> list[str]:
+    """Return a line on the sources that have no figures of light; empty if all sources have them."""
+    from homofact.sweeps.summary import with_values, without_light
+
+    names = {each.name for each in with_values(rows)}
+    columns = listed(list(_LIGHT.values()))
+    if some := without_light(rows):
+        return [f"{columns} leave out {', '.join(some)}. {_IN_ALL_DIRECTIONS}"]
+    if names.isdisjoint(_LIGHT) and not names.isdisjoint(_LIMITS):
+        return [f"Not shown: {columns}. {_IN_ALL_DIRECTIONS}"]
+    return []

@@ -2,11 +2,14 @@
 
 from homofact.errors import Advice
 from homofact.evaluation.estimate import TimeEstimate, fit_seconds
+from homofact.evaluation.time_left import TimeLeft
 from homofact.sweeps.local import TaskEnding
 from homofact.sweeps.run import State
 
 # How many samples the times of fits are modelled for: the sources are not open here. Measured times correct it.
 _SAMPLES = 20_000
+# Seconds to draw and write a result.
+_WRITTEN = 1.5
 
 
 class SweepProgress:
@@ -16,14 +19,14 @@ class SweepProgress:
         """Nothing is done yet."""
         self._workers = workers
         self._places: dict[str, int] = {}
-        self._estimate = TimeEstimate([])
+        self._estimate = TimeEstimate()
         # How many results there are, of how many.
         self.done, self.total = 0, 0
 
     def begin(self, state: State) -> str:
         """Return the line that a sweep begins with."""
         self._places = {key: place for place, key in enumerate(state.todo)}
-        jobs = [(task.label, fit_seconds(task.fit_method(), _SAMPLES)) for task in state.todo.values()]
+        jobs = [(task.label, _WRITTEN + fit_seconds(task.fit_method(), _SAMPLES)) for task in state.todo.values()]
         self._estimate = TimeEstimate(jobs)
         self.done, self.total = state.done, len(state.tasks)
         before = f", {state.before} done before" if state.before else ""
@@ -47,9 +50,9 @@ class SweepProgress:
         return f"{self._workers} at work"
 
     @property
-    def seconds_left(self) -> float | None:
-        """The seconds that the rest may take; None before the first fit is done."""
-        return self._estimate.seconds_left / self._workers if self._estimate.done else None
+    def time_left(self) -> TimeLeft | None:
+        """The time that the rest may take; None before the first fit is done."""
+        return self._estimate.time_left(workers=self._workers) if self._estimate.done else None
 
     def misfortune(self, state: State, ending: TaskEnding) -> str:
         """Return why a task failed, and whether it is tried again."""

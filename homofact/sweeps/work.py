@@ -1,5 +1,6 @@
 """Run one task: open and fit the source, measure the errors, and write the result, whole or not at all."""
 
+import time
 from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
@@ -25,11 +26,12 @@ PICTURE = "compare.png"
 
 
 def do(task: Task, folder: Path, words: str | None = None) -> dict[str, Any]:
-    """Run a task and write its result; return its "seconds", or the reason why it was "refused".
+    """Run a task and write its result; return the "seconds" that this took, or the reason why it was "refused".
 
     `words` is the path of the source on this machine, if it differs. An existing result stays. Raises OSError if the
     folder cannot be written, for example because the disk is full.
     """
+    began = time.monotonic()
     ledger = SweepLedger(folder)
     if ledger.is_done(task):
         return {"seconds": 0.0}
@@ -53,7 +55,7 @@ def do(task: Task, folder: Path, words: str | None = None) -> dict[str, Any]:
         compare_picture(place / PICTURE, (source.name, source.reflectance), panels, to_rgb=shown)
 
     put(ledger, task, fill)
-    return {"seconds": row.seconds_total - row.seconds_read}
+    return {"seconds": time.monotonic() - began}
 
 
 def put(ledger: SweepLedger, task: Task, fill: Callable[[Path], None]) -> None:

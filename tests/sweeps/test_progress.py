@@ -1,5 +1,6 @@
 """What a sweep says of its time: one expectation, from the tasks that have ended in this run."""
 
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -8,6 +9,7 @@ import pytest
 from homofact.evaluation.estimate import fit_seconds
 from homofact.methods.mccool import McCool
 from homofact.methods.search import Search
+from homofact.sweeps import work
 from homofact.sweeps.progress import SweepProgress
 
 
@@ -25,19 +27,49 @@ def test_the_time_left_is_of_the_methods_that_are_left_and_in_no_words() -> None
             del state.todo[key]
         counted.end(state, SimpleNamespace(task=todo[key], **how))  # type: ignore[arg-type]
 
+    def seconds_left() -> float:
+        assert counted.time_left is not None
+        return counted.time_left.seconds
+
     counted = SweepProgress(2)
     counted.begin(state)
-    assert counted.seconds_left is None
-    end("a slow", seconds=100.0)
-    # No fast one is done yet: of the model, corrected by what the slow one took, within a factor of two.
-    modelled = fit_seconds(fast, 20_000)
-    assert counted.seconds_left is not None
-    assert (100 + 1.5 * modelled) / 2 <= counted.seconds_left <= (100 + 6 * modelled) / 2
-    end("a fast", seconds=3.0)
-    assert counted.seconds_left == pytest.approx((100 + 3 + 3) / 2)
+    assert counted.time_left is None
+    modelled = {method: 1.5 + fit_seconds(method, 20_000) for method in (slow, fast)}
+    end("a slow", seconds=3 * modelled[slow])
+    # No fast one is done yet: of the model, corrected by what the slow one took.
+    expected = 3 * (modelled[slow] + 3 * modelled[fast])
+    assert seconds_left() == pytest.approx(expected / 2, rel=0.1)
+    assert counted.time_left is not None
+    assert counted.time_left.whole
+    end("a fast", seconds=modelled[fast])
+    expected = 3 * modelled[slow] + 2 * modelled[fast]
+    assert seconds_left() == pytest.approx(expected / 2, rel=0.1)
     # A worker that died has ended no task; one that is set aside is not waited for.
     end("b slow", gone=False, seconds=None)
-    assert counted.seconds_left == pytest.approx((100 + 3 + 3) / 2)
+    assert seconds_left() == pytest.approx(expected / 2, rel=0.1)
     end("b slow", seconds=None)
-    assert counted.seconds_left == pytest.approx((3 + 3) / 2)
+    assert seconds_left() == pytest.approx(modelled[fast], rel=0.1)
     assert counted.words() == "2 at work"
+
+
+def test_a_task_takes_all_the_time_that_its_worker_is_at_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Drawing and writing a result take longer than a quick fit."""
+    now = [0.0]
+    monkeypatch.setattr(work, "time", SimpleNamespace(monotonic=lambda: now[0]))
+
+    def written(*_: Any) -> None:
+        now[0] += 7.0
+
+    def fitted(*_: Any, **__: Any) -> Any:
+        now[0] += 2.0
+        return SimpleNamespace(record=dict, seconds_total=1.0, seconds_read=0.0)
+
+    monkeypatch.setattr(work, "put", written)
+    monkeypatch.setattr(work, "fit_and_measure", fitted)
+    monkeypatch.setattr(work, "_opened", lambda *_: None)
+    settings: Any = SimpleNamespace(subset=0)
+    task: Any = SimpleNamespace(
+        key="k", version=work.__version__, source="s", digest="d", settings={"seed": 0}, held_out=0.2,
+        source_settings=lambda: settings, fit_method=lambda: None,
+    )  # fmt: skip
+    assert work.do(task, tmp_path) == {"seconds": 9.0}

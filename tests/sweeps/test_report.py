@@ -3,6 +3,7 @@
 import csv
 import html
 import json
+import math
 import re
 from pathlib import Path
 from types import SimpleNamespace
@@ -22,7 +23,7 @@ from homofact.sweeps.report.index_page import index_data, index_html
 from homofact.sweeps.report.material_page import FitFiles
 from homofact.sweeps.report.reading import read_results
 from homofact.sweeps.report.site import write_site
-from homofact.sweeps.summary import middle, rows_of
+from homofact.sweeps.summary import LIMITS, limit_figure, middle, rows_of
 
 BY_NAME = {metric.name: metric for metric in REPORTED}
 NOTHING = FitFiles(None, (), None, "")
@@ -52,6 +53,106 @@ def test_ratios_that_should_be_one_do_not_cancel() -> None:
     rows: Any = [SimpleNamespace(metrics={"albedo_worst": value}) for value in (0.5, 1.0, 2.0, None)]
     assert middle(rows, "albedo_worst") == 2.0
     assert middle(rows[:2], "albedo_worst") == 1.5
+
+
+def limited(sources: tuple[str, ...], light: float = 0.0669, highlight: float | None = None) -> Any:
+    """A change of reports, after which these sources are lists of samples: with limits, without figures of light."""
+    errors = {"albedo": light, "highlight": highlight, "sky": 0.0236}
+
+    def change(report: dict[str, Any], its: Any) -> None:
+        if its.source not in sources:
+            return
+        report["appearance"] = None
+        whole = {"low": None, "high": None, "rate": 0.9, "degrees": [0, 75], "reason": "", "unmeasured": 0.0}
+        report["verdict"]["bars"] = {
+            "all": [
+                {"quantity": name, "kind": "withdrawn" if error is None else "if the data are right", "error": error}
+                | whole
+                for name, error in errors.items()
+            ],
+            "by_angle": [],
+        }
+        report["verdict"]["findings"] = [
+            {"name": "light", "about": "fit", "found": "too dark", "remedy": "more texels"},
+            {"name": "coverage", "about": "unknown", "found": "14% of the light", "remedy": "measure more"},
+        ]
+
+    return change
+
+
+def test_the_limits_of_lists_of_samples_replace_the_figures_that_they_lack(tmp_path: Path) -> None:
+    folder = make_sweep(tmp_path / "s", labels=("ours",), change=limited(MATERIALS))
+    assert [row.limits for row in rows_of(folder)] == [
+        {"light_limit": 0.0669, "highlight_limit": math.inf, "sky_limit": 0.0236}
+    ] * 3
+    write_site(folder, tmp_path / "site", viewers=False)
+    data = data_of(tmp_path / "site" / "index.html")
+    names = ["log_mse", "mae", "light_limit", "highlight_limit", "sky_limit"]
+    assert [each["name"] for each in data["metrics"]] == names
+    assert [each[-3:] for each in data["fits"]] == [[0.0669, "unknown", 0.0236]] * 3
+    assert data["methods"][0][-3:] == [0.0669, "unknown", 0.0236]
+    (said,) = [note for note in data["notes"] if note.startswith("Columns left out")]
+    assert said.startswith("Columns left out: albedo, energy, highlight, rms, lamp dB and sky dB. These compare")
+    assert "a list of samples cannot be evaluated" in said
+    assert any("MAE compares differences in sr⁻¹, so the brightest samples dominate" in note for note in data["notes"])
+    with (tmp_path / "site" / "fits.csv").open(encoding="utf-8", newline="") as file:
+        cells = next(csv.DictReader(file))
+    assert [cells[name] for name in names[2:]] == ["0.0669", "inf", "0.0236"]
+    assert cells["psnr_sky"] == ""
+    for page in (tmp_path / "site" / "materials").iterdir():
+        text = page.read_text(encoding="utf-8")
+        (row,) = re.findall(r"<tbody>(.*?)</tbody>", text)
+        assert re.findall(r"<td>([^<]*)</td>", row)[-3:] == ["7%", "unknown", "2.4%"]
+        assert "<td>–</td>" not in row
+        assert html.escape(said) in text
+
+
+def test_findings_have_the_headings_of_the_command(tmp_path: Path) -> None:
+    folder = make_sweep(tmp_path / "s", labels=("ours",), change=limited(MATERIALS))
+    write_site(folder, tmp_path / "site", viewers=False)
+    for page in (tmp_path / "site" / "materials").iterdir():
+        text = page.read_text(encoding="utf-8")
+        assert "<p>Of the fit:</p><ul class='findings'><li><b>light</b>: too dark" in text
+        assert "<p>Not measured:</p><ul class='findings'><li><b>coverage</b>: 14% of the light" in text
+
+
+def test_materials_without_figures_of_light_are_counted(made: tuple[Path, Path], tmp_path: Path) -> None:
+    sweep = read_results(make_sweep(tmp_path / "s", labels=("ours",), change=limited(MATERIALS[1:])))
+    data = index_data(sweep, {fit.row.key: NOTHING for fit in sweep.fits}, None, [])
+    assert len(data["metrics"]) == len(REPORTED) + 3
+    # A fit that was compared with its source everywhere has no limits, and a list of samples has only limits.
+    assert [each is None for each in data["fits"][0][-9:]] == [False] * 6 + [True] * 3
+    assert [each is None for each in data["fits"][1][-9:]] == [True] * 6 + [False] * 3
+    assert data["notes"][-1].startswith("Lists of samples (2 of 3 materials) have these limits instead of albedo,")
+    assert "A median leaves out the fits without its figure." in data["median_notes"]
+    known = data_of(made[1] / "index.html")
+    assert [each["name"] for each in known["metrics"]] == [each.name for each in REPORTED]
+    assert not any("left out" in note or "limit" in note for note in known["notes"] + known["median_notes"])
+
+
+def test_an_unknown_limit_is_the_worst(tmp_path: Path) -> None:
+    limit = next(each for each in LIMITS if each.name == "highlight_limit")
+    changes = {MATERIALS[0]: 0.2, MATERIALS[1]: None, MATERIALS[2]: 0.1}
+
+    def change_each(report: dict[str, Any], its: Any) -> None:
+        limited(MATERIALS, highlight=changes[its.source])(report, its)
+
+    def earlier(report: dict[str, Any], its: Any) -> None:
+        limited(MATERIALS, highlight=None if its.source == MATERIALS[2] else 0.2)(report, its)
+
+    now = read_results(make_sweep(tmp_path / "now", labels=("ours",), change=change_each))
+    before = read_results(make_sweep(tmp_path / "before", labels=("ours",), change=earlier))
+    assert [fit.row.source for fit in worst(now.fits, limit)] == [MATERIALS[k] for k in (1, 0, 2)]
+    assert [word(limit, pair.change(limit) or 0) for pair in compared(now, before).pairs] == ["same", "worse", "better"]
+    assert change(limit, math.inf, math.inf) == 0
+    assert middle([fit.row for fit in now.fits], "highlight_limit") == 0.2
+
+
+def test_limits_are_rounded_up_as_in_the_verdict() -> None:
+    given = (None, 0.0001, 0.0291, 0.0418, 0.05, 0.0669, 0.43999, 1.0, 1.1517, 4.4006, math.inf)
+    assert [limit_figure(value) for value in given] == [
+        "–", "0.1%", "3%", "4.2%", "5%", "7%", "44%", "100%", "×2.2", "×5.5", "unknown"
+    ]  # fmt: skip
 
 
 def links(page: Path) -> list[Path]:

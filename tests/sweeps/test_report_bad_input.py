@@ -85,6 +85,14 @@ DAMAGES: dict[str, tuple[Callable[[Path], object], str]] = {
     ),
     "appearance": (reports(lambda r: r.update(appearance=[1])), "appearance: found [1], expected an object"),
     "verdict": (reports(lambda r: r["verdict"].update(trusted=1)), "verdict.trusted: found 1, expected true or false"),
+    "bars": (
+        reports(lambda r: r["verdict"]["bars"]["all"][0].update(error="0.1")),
+        'verdict.bars.all[0].error: found "0.1", expected a finite number',
+    ),
+    "kind of a bar": (
+        reports(lambda r: r["verdict"]["bars"]["all"][0].pop("kind")),
+        "verdict.bars.all[0].kind: found nothing, expected one of measured",
+    ),
     "finding": (
         reports(lambda r: r["verdict"].update(findings=[{"name": 1}])),
         "findings[0].name: found 1, expected",

@@ -1,7 +1,9 @@
 """The report opened and clicked through in a headless Chromium, from a folder and without network."""
 
+import math
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +17,7 @@ from homofact.sweeps.report.index_page import index_html
 from homofact.sweeps.report.material_page import FitFiles
 from homofact.sweeps.report.reading import read_results
 from homofact.sweeps.report.site import write_site
+from homofact.sweeps.summary import limit_figure
 
 MANY = 5000
 KEYS = {"Enter": "\ue007", "Down": "\ue015", "Up": "\ue013", "Left": "\ue012", "Right": "\ue014", "End": "\ue010",
@@ -103,6 +106,37 @@ def test_the_table_is_sorted_by_a_click_and_back_by_another(page: Any) -> None:
     all_of(page, "#table thead button")[0].click()
     assert column(page, "Material") == sorted(column(page, "Material"))
     assert head.find_element("xpath", "..").get_attribute("aria-sort") is None
+
+
+def test_names_are_whole_and_limits_are_those_of_the_verdict(chromium: Any, tmp_path: Path) -> None:
+    given = [0.0001, 0.0291, 0.0418, 0.05, 0.0501, 0.0669, 0.1, 0.43999, 1.0, 1.1517, 4.4006, 9.0, math.inf]
+    sweep = read_of([{"log_mse": 0.1, "mae": 0.1} for _ in given], ("a rather long method, 12288 B", "b, 6144 B"))
+    fits = tuple(
+        replace(fit, row=replace(fit.row, limits={"highlight_limit": value}))
+        for fit, value in zip(sweep.fits, given, strict=True)
+    )
+    sweep = replace(sweep, fits=fits)
+    file = tmp_path / "index.html"
+    file.write_text(
+        index_html(sweep, {fit.row.key: FitFiles(None, (), None, "") for fit in fits}, None, []), encoding="utf-8"
+    )
+    headless.resize(chromium, (1000, 900))
+    headless.open_page(chromium, file)
+    assert column(chromium, "highlight within") == [limit_figure(value) for value in given]
+    cut = chromium.execute_script(
+        "return [...document.querySelectorAll('#table tbody td')].filter((cell) => cell.scrollWidth > cell.clientWidth)"
+        ".map((cell) => cell.textContent)"
+    )
+    assert cut == []
+    heads = [each.text for each in all_of(chromium, "#table thead th")]
+    assert "albedo" not in heads
+    assert "Columns left out: albedo" in one(chromium, "#notes").text
+    choose(chromium, "#metric", "highlight_limit")
+    assert one(chromium, "#worst em").text == "unknown"
+    # An unknown limit has no place in a chart.
+    assert len(dots(chromium, "bytes")) == len(given) - 1
+    assert "1 of 13 fits" in one(chromium, "#bytes-plot .reading").text
+    assert complaints(chromium) == []
 
 
 @pytest.mark.slow

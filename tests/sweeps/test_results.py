@@ -1,6 +1,7 @@
 """What a sweep leaves: results that are those of a fit by itself, a ledger that tells when it was changed."""
 
 import json
+import math
 import shutil
 from collections.abc import Callable, Iterable
 from dataclasses import replace
@@ -16,7 +17,7 @@ from rich.console import Console
 from homofact import load
 from homofact.brdf.source import open_source
 from homofact.cli.main import main
-from homofact.cli.sweep import summary_table
+from homofact.cli.sweep import light_lines, summary_tables
 from homofact.errors import BadInput
 from homofact.evaluation.compare import fit_and_measure
 from homofact.evaluation.metric_table import REPORTED
@@ -136,10 +137,53 @@ def test_a_label_with_its_bytes_fits_beside_the_medians() -> None:
         for k in (0, 16)
     ]
     console = Console(width=80, file=StringIO())
-    console.print(summary_table(rows))
+    for each in summary_tables(rows):
+        console.print(each)
     assert isinstance(console.file, StringIO)
     (line,) = [line for line in console.file.getvalue().splitlines() if "search" in line]
-    assert line.split() == ["search,", "12288", "B", "2", "1", "12288", "111", "0.000123", *["1.02"] * 3]
+    assert line.split() == ["search,", "12288", "B", "1", "of", "2", "12288", "111", "0.000123", *["1.02"] * 3]
+
+
+def fit_row(name: str, light: float | None, limits: dict[str, float]) -> FitRow:
+    metrics: dict[str, float | None] = {
+        each.name: light if each.computed_from == "light" else 0.0123 for each in REPORTED
+    }
+    return FitRow(name, name, name, "search, 12288 B", 0, 12288, 2, 2, 1e-2, 5.5, "direct", True, metrics, limits)
+
+
+def printed(rows: list[FitRow]) -> list[str]:
+    console = Console(width=80, file=StringIO())
+    for each in summary_tables(rows):
+        console.print(each)
+    assert isinstance(console.file, StringIO)
+    return console.file.getvalue().splitlines()
+
+
+def test_medians_of_lists_of_samples_have_the_limits_of_their_verdicts() -> None:
+    lists = [
+        fit_row("a.csv", None, {"light_limit": 0.0201, "highlight_limit": 0.18, "sky_limit": 4.41}),
+        fit_row("b.csv", None, {"light_limit": 0.0401, "highlight_limit": math.inf, "sky_limit": 4.41}),
+    ]
+    (head,) = [line for line in printed(lists) if "trusted  " in line]
+    assert head.split()[-5:] == ["log", "mse", "light", "highlight", "sky"]
+    (line,) = [line for line in printed(lists) if "search" in line]
+    # Rounded up; the median of a known and an unknown limit is unknown.
+    assert line.split()[3:] == ["2", "of", "2", "12288", "5.5", "0.0123", "3.1%", "unknown", "×5.5"]
+    (said,) = light_lines(lists)
+    assert said.startswith("Not shown: albedo, highlight and sky dB. These compare fit and source in all directions")
+
+
+def test_medians_of_mixed_sources_have_the_limits_in_a_second_table() -> None:
+    rows = [
+        fit_row("a.csv", None, {"light_limit": 0.0201, "highlight_limit": 0.18, "sky_limit": 0.3}),
+        fit_row("measured", 1.02, {}),
+    ]
+    first, second = [line.split() for line in printed(rows) if "search" in line]
+    assert first[3:] == ["2", "of", "2", "12288", "5.5", "0.0123", "1.02", "1.02", "1.02"]
+    assert second[3:] == ["2.1%", "18%", "30%"]
+    assert light_lines(rows)[0].startswith("albedo, highlight and sky dB leave out a.csv. These compare")
+    assert light_lines(rows[1:]) == []
+    assert not any("unknown" in line or "×" in line for line in printed(rows[1:]))
 
 
 def test_rows_of_several_epsilons_are_told(swept: Path) -> None:

@@ -1,9 +1,10 @@
 // Axes: where values lie along them, and which values are written.
 
-/** Round numbers within a range: 1, 2, 5 times powers of ten, or decades alone where there are many. */
-function logTicks(low, high) {
+const FEWEST = 4, STEPS = [1, 2, 5], FINER = [1, 1.5, 2, 3, 4, 5, 6, 8];
+
+/** Round numbers within a range: `steps` times powers of ten, or only powers of ten in a large range. */
+function logTicks(low, high, steps = Math.log10(high / low) > 2.5 ? [1] : STEPS) {
   const first = Math.floor(Math.log10(low)), last = Math.ceil(Math.log10(high)), found = [];
-  const steps = last - first > 3 ? [1] : [1, 2, 5];
   const every = Math.ceil((last - first) / 8);
   for (let k = first; k <= last; k++) {
     if (steps.length === 1 && (k - first) % every) continue;
@@ -22,7 +23,7 @@ function linearTicks(low, high) {
 
 /** An axis over `values`, logarithmic or not: `at` gives 0 … 1, `ticks` what is written. */
 function makeAxis(values, logarithmic) {
-  const shown = logarithmic ? values.filter((value) => value > 0) : values;
+  const shown = values.filter((value) => Number.isFinite(value) && (value > 0 || !logarithmic));
   let low = Infinity, high = -Infinity;
   for (const value of shown) { low = Math.min(low, value); high = Math.max(high, value); }
   if (!(low <= high)) [low, high] = [1, 10];
@@ -31,10 +32,11 @@ function makeAxis(values, logarithmic) {
     [low, high] = [low / spare, high * spare];
     const ratio = Math.log(high / low);
     let ticks = logTicks(low, high);
+    if (ticks.length < FEWEST && high / low < 10) ticks = logTicks(low, high, FINER);
     if (ticks.length < 2) ticks = linearTicks(low, high);
-    return { at: (value) => Math.log(value / low) / ratio, ticks, shows: (value) => value !== null && value > 0 };
+    return { at: (value) => Math.log(value / low) / ratio, ticks, shows: (value) => Number.isFinite(value) && value > 0 };
   }
   const spare = 0.05 * (high - low) || Math.max(0.05 * Math.abs(high), 0.5);
   [low, high] = [low - spare, high + spare];
-  return { at: (value) => (value - low) / (high - low), ticks: linearTicks(low, high), shows: (value) => value !== null };
+  return { at: (value) => (value - low) / (high - low), ticks: linearTicks(low, high), shows: Number.isFinite };
 }

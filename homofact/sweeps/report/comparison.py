@@ -4,15 +4,17 @@ Two fits are compared if their source, label and seed are the same. A change cou
 0.01 of a ratio that should be 1, or 0.1 dB of a PSNR.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from homofact.evaluation.metric_table import REPORTED, Metric
+from homofact.evaluation.metric_table import Metric
 from homofact.sweeps.report.reading import ReadSweep, ReportedFit
+from homofact.sweeps.summary import FIGURES, Limit, value_of
 
 _COUNTS = {"low": 0.01, "one": 0.01, "high": 0.1}
-# A ratio of 0 is as far from 1 as this one.
+# A ratio of 0 is as far from 1 as this one, and an unknown limit is as large.
 _FARTHEST = 1e6
 
 
@@ -23,9 +25,9 @@ class Pair:
     now: ReportedFit
     before: ReportedFit
 
-    def change(self, metric: Metric) -> float | None:
+    def change(self, metric: Metric | Limit) -> float | None:
         """Return how much worse the metric got, negative if better; None if either fit lacks the metric."""
-        now, before = self.now.row.metrics[metric.name], self.before.row.metrics[metric.name]
+        now, before = value_of(self.now.row, metric.name), value_of(self.before.row, metric.name)
         return None if now is None or before is None else change(metric, before, now)
 
 
@@ -38,7 +40,7 @@ class SweepComparison:
     only_now: int
     only_before: int
 
-    def counts(self, metric: Metric) -> dict[str, int]:
+    def counts(self, metric: Metric | Limit) -> dict[str, int]:
         """Return how many pairs got better, worse, or stayed the same."""
         said = [word(metric, step) for pair in self.pairs if (step := pair.change(metric)) is not None]
         return {kind: said.count(kind) for kind in ("better", "same", "worse")}
@@ -50,23 +52,24 @@ class SweepComparison:
             "pairs": len(self.pairs),
             "only_now": self.only_now,
             "only_before": self.only_before,
-            "counts": {metric.name: self.counts(metric) for metric in REPORTED},
+            "counts": {metric.name: self.counts(metric) for metric in FIGURES},
         }
 
 
-def change(metric: Metric, before: float, now: float) -> float:
+def change(metric: Metric | Limit, before: float, now: float) -> float:
     """Return how much worse `now` is, negative if it is better.
 
     For an error it is the difference relative to the larger value, for a ratio the change of its distance from 1, for a
     PSNR the difference in dB.
     """
     if metric.good == "low":
+        before, now = (value if math.isfinite(value) else _FARTHEST for value in (before, now))
         larger = max(abs(before), abs(now))
         return (now - before) / larger if larger else 0.0
     return min(metric.badness(now), _FARTHEST) - min(metric.badness(before), _FARTHEST)
 
 
-def word(metric: Metric, step: float) -> str:
+def word(metric: Metric | Limit, step: float) -> str:
     """ "better", "same" or "worse"."""
     if abs(step) < _COUNTS[metric.good]:
         return "same"
@@ -80,10 +83,12 @@ def compared(now: ReadSweep, before: ReadSweep) -> SweepComparison:
     return SweepComparison(before, pairs, len(now.fits) - len(pairs), len(before.fits) - len(pairs))
 
 
-def worst(fits: Sequence[ReportedFit], metric: Metric, count: int = 10) -> list[ReportedFit]:
+def worst(fits: Sequence[ReportedFit], metric: Metric | Limit, count: int = 10) -> list[ReportedFit]:
     """Return the `count` worst fits by a metric, the worst first; fits without the metric are skipped."""
     order = [
-        (metric.badness(value), k) for k, fit in enumerate(fits) if (value := fit.row.metrics[metric.name]) is not None
+        (metric.badness(value), k)
+        for k, fit in enumerate(fits)
+        if (value := value_of(fit.row, metric.name)) is not None
     ]
     return [fits[k] for _, k in sorted(order, key=lambda entry: (-entry[0], entry[1]))[:count]]
 
@@ -96,8 +101,8 @@ def comparison_rows(comparison: SweepComparison) -> list[dict[str, Any]]:
             "label": pair.now.row.label,
             "seed": pair.now.row.seed,
             "metric": metric.name,
-            "before": pair.before.row.metrics[metric.name],
-            "now": pair.now.row.metrics[metric.name],
+            "before": value_of(pair.before.row, metric.name),
+            "now": value_of(pair.now.row, metric.name),
             "change": step,
             "word": word(metric, step),
             "version_before": pair.before.task.version,
@@ -106,6 +111,6 @@ def comparison_rows(comparison: SweepComparison) -> list[dict[str, Any]]:
             "key_now": pair.now.row.key,
         }
         for pair in comparison.pairs
-        for metric in REPORTED
+        for metric in FIGURES
         if (step := pair.change(metric)) is not None
     ]

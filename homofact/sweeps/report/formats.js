@@ -21,6 +21,28 @@ function figure(value) {
   return String(Number(value.toPrecision(3))).replace("-", "−");
 }
 
+/** The next multiple of a step, without the last digits of floats. */
+const roundedUp = (value, step) => Math.ceil(Number((value / step).toFixed(6))) * step;
+
+/** A limit of the verdict, rounded up as Python's `limit_figure` does. */
+function limitFigure(value) {
+  if (value === null) return "–";
+  if (value === Infinity) return "unknown";
+  if (value > 1) return `×${Number(roundedUp(1 + value, 10 ** (Math.floor(Math.log10(1 + value)) - 1)).toPrecision(2))}`;
+  return `${Number(roundedUp(100 * Math.max(value, 0.001), value < 0.05 ? 0.1 : 1).toPrecision(3))}%`;
+}
+
+const figureOf = (metric, value) => (metric.limit ? limitFigure : figure)(value);
+/** A figure of the data: JSON has no infinite numbers. */
+const read = (value) => (value === "unknown" ? Infinity : value);
+
+/** The pixels that the longest of some texts takes in a table, from `least` to `most`. */
+function widest(texts, least, most) {
+  const pen = document.createElement("canvas").getContext("2d");
+  pen.font = `12.5px ${getComputedStyle(document.body).fontFamily}`;
+  return Math.ceil(texts.reduce((wide, text) => Math.min(most, Math.max(wide, pen.measureText(text).width)), least));
+}
+
 const whole = (value) => value.toLocaleString("en-US");
 const addressOf = (fit) => `materials/${fit.material.page}.html#${fit.key}`;
 const link = (fit, ...words) => element("a", { href: addressOf(fit) }, ...words);

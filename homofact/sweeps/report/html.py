@@ -2,8 +2,10 @@
 
 import html
 from collections.abc import Sequence
+from itertools import groupby
 from typing import Any
 
+from homofact.evaluation.verdict.finding import About
 from homofact.files.words import harmless
 from homofact.sweeps.report.reading import ReportedFinding
 from homofact.web.assembly import assembled, part
@@ -42,7 +44,15 @@ def safe(text: object) -> str:
     return html.escape(harmless(str(text)))
 
 
-def finding_words(finding: ReportedFinding) -> str:
-    """Return a finding as an HTML list item."""
-    remedy = f" <span class='quiet'>{safe(finding.remedy)}</span>" if finding.remedy else ""
-    return f"<li><b>{safe(finding.name)}</b>, {safe(finding.about)}: {safe(finding.found)}.{remedy}</li>"
+def finding_lists(findings: Sequence[ReportedFinding]) -> str:
+    """Return findings as HTML lists, each under the heading that the command prints above these findings."""
+    titles = {about.value: about.title for about in About}
+    return "".join(
+        f"<p>{safe(titles.get(about, about))}:</p><ul class='findings'>{''.join(map(_finding, some))}</ul>"
+        for about, some in groupby(findings, key=lambda finding: finding.about)
+    )
+
+
+def _finding(finding: ReportedFinding) -> str:
+    remedy = f": <span class='quiet'>{safe(finding.remedy)}</span>" if finding.remedy else ""
+    return f"<li><b>{safe(finding.name)}</b>: {safe(finding.found)}{remedy}</li>"

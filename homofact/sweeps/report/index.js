@@ -5,22 +5,22 @@ const NAMES = new Intl.Collator("en", { numeric: true, sensitivity: "base" });
 function fitOf(data, several) {
   return ([material, label, seed, bytes, seconds, fetches, textures, epsilon, trusted, key, viewer, ...figures], number) => ({
     number, material: data.materials[material], label, method: data.labels[label], seed, bytes, seconds, fetches, textures, epsilon,
-    trusted: Boolean(trusted), key, viewer, figures, words: several ? `, seed ${seed}` : "",
+    trusted: Boolean(trusted), key, viewer, figures: figures.map(read), words: several ? `, seed ${seed}` : "",
   });
 }
 
 function columnsOf(data, several, epsilons) {
   const number = (title, wide, value, cell = value, hint = null) => ({ title, wide, hint, value, cell: (fit) => String(cell(fit)) });
   return [
-    { title: "Material", wide: 140, left: true, value: (fit) => fit.material.name, cell: (fit) => element("a", { href: addressOf(fit), tabindex: "-1" }, fit.material.name) },
-    { title: "Method", wide: 120, left: true, value: (fit) => fit.method, cell: (fit) => element("span", { title: fit.method }, keyOf(fit.label), fit.method) },
+    { title: "Material", wide: 22 + widest(data.materials.map((each) => each.name), 60, 260), left: true, value: (fit) => fit.material.name, cell: (fit) => element("a", { href: addressOf(fit), tabindex: "-1", title: fit.material.name }, fit.material.name) },
+    { title: "Method", wide: 40 + widest(data.labels, 60, 320), left: true, value: (fit) => fit.method, cell: (fit) => element("span", { title: fit.method }, keyOf(fit.label), fit.method) },
     ...(several ? [number("Seed", 52, (fit) => fit.seed)] : []),
     number("Bytes", 66, (fit) => fit.bytes, (fit) => whole(fit.bytes)),
     number("Fit, s", 62, (fit) => fit.seconds, (fit) => figure(fit.seconds)),
     number("Fetches", 64, (fit) => fit.fetches),
     ...(epsilons.size > 1 ? [number("ε", 62, (fit) => fit.epsilon, (fit) => figure(fit.epsilon), "ε of the fit's logarithms")] : []),
     number("Trusted", 62, (fit) => Number(fit.trusted), (fit) => (fit.trusted ? "yes" : "no")),
-    ...data.metrics.map((metric, k) => number(metric.words.replace(", fit over source", "").replace(", held out", ""), 79, (fit) => fit.figures[k], (fit) => figure(fit.figures[k]), metric.words)),
+    ...data.metrics.map((metric, k) => number(metric.title, 79, (fit) => fit.figures[k], (fit) => figureOf(metric, fit.figures[k]), metric.words)),
     ...(data.fits.some((each) => each[10]) ? [{ title: "Viewer", wide: 56, value: (fit) => Number(Boolean(fit.viewer)), cell: (fit) => (fit.viewer ? element("a", { href: `fits/${fit.viewer}`, tabindex: "-1" }, "open") : "–") }] : []),
   ];
 }
@@ -75,6 +75,8 @@ function begin() {
     });
     byId("methods").append(button);
   }
+  byId("notes").append(...data.notes.map((note) => element("p", {}, note)));
+  byId("median-notes").append(...data.median_notes.map((note) => element("p", {}, note)));
   fillMedians(byId("medians"), data);
   fillAside(data);
   fillFiles(byId("files"), data.files);

@@ -3,11 +3,12 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from homofact.evaluation.metric_table import REPORTED
 from homofact.evaluation.wording import figure, trust_in_words
 from homofact.sweeps.ledger import Aside
-from homofact.sweeps.report.html import finding_words, page_html, safe
+from homofact.sweeps.report.columns import TITLES, notes
+from homofact.sweeps.report.html import finding_lists, page_html, safe
 from homofact.sweeps.report.reading import ReportedFit
+from homofact.sweeps.summary import Limit, limit_figure, value_of, with_values
 
 
 @dataclass(frozen=True)
@@ -32,7 +33,7 @@ def material_html(
         "<nav class='crumbs' aria-label='Breadcrumb'><a href='../index.html'>← All fits</a></nav>",
         _figures(fits),
         "<div class='fits'>",
-        *(_card(fit, shown[fit.row.key]) for fit in fits),
+        *(_card(fit, shown[fit.row.key], _several_seeds(fits)) for fit in fits),
         "</div>",
         _aside(aside),
         "</main></body></html>",
@@ -40,10 +41,17 @@ def material_html(
     return page_html("{{content}}", name, f"{sweep}; SHA-256 {fits[0].material}…", content="\n".join(body))
 
 
+def _several_seeds(fits: Sequence[ReportedFit]) -> bool:
+    return len({fit.row.seed for fit in fits}) > 1
+
+
 def _figures(fits: Sequence[ReportedFit]) -> str:
-    several = len({fit.row.seed for fit in fits}) > 1
+    several = _several_seeds(fits)
     names = ["Method", *(["Seed"] if several else []), "Bytes", "Textures", "Fetches", "Fit, s", "Status", "Verdict"]
-    heads = "".join(f"<th scope='col'>{safe(name)}</th>" for name in (*names, *(m.words for m in REPORTED)))
+    metrics = with_values([fit.row for fit in fits])
+    heads = "".join(f"<th scope='col'>{safe(name)}</th>" for name in names) + "".join(
+        f"<th scope='col' title='{safe(metric.words)}'>{safe(TITLES[metric.name])}</th>" for metric in metrics
+    )
     rows = []
     for fit in fits:
         row = fit.row
@@ -55,30 +63,35 @@ def _figures(fits: Sequence[ReportedFit]) -> str:
             figure(row.seconds),
             row.status,
             trust_in_words(row.trusted).replace(" ", "\u00a0"),
-            *(figure(row.metrics[metric.name]) for metric in REPORTED),
+            *(
+                (limit_figure if isinstance(metric, Limit) else figure)(value_of(row, metric.name))
+                for metric in metrics
+            ),
         ]
-        link = f"<a href='#{row.key}'>{safe(row.label)}</a>"
+        link = f"<span class='name'><a href='#{row.key}'>{safe(row.label)}</a></span>"
         rows.append(f"<tr><th scope='row'>{link}</th>{''.join(f'<td>{safe(cell)}</td>' for cell in cells)}</tr>")
     return (
-        "<section class='panel'><h2>Figures</h2><div class='scroll' tabindex='0' role='region' aria-label='Figures'>"
+        "<section class='panel'><h2>All fits of this material</h2>"
+        f"<div class='quiet hint'>{''.join(f'<p>{safe(note)}</p>' for note in notes([fit.row for fit in fits]))}</div>"
+        "<div class='scroll' tabindex='0' role='region' aria-label='All fits of this material'>"
         f"<table class='plain'><thead><tr>{heads}</tr></thead><tbody>{''.join(rows)}</tbody></table></div></section>"
     )
 
 
-def _card(fit: ReportedFit, shown: FitFiles) -> str:
+def _card(fit: ReportedFit, shown: FitFiles, seeds: bool) -> str:
     row = fit.row
     grade = "good" if row.trusted else "bad"
     parts = [
         f"<section class='panel fit' id='{row.key}' aria-label='{safe(row.label)}'>",
-        f"<h2>{safe(row.label)}{f', seed {row.seed}' if row.seed else ''}</h2>",
-        f"<p class='verdict {grade}'>Verdict: {safe(fit.summary)}</p>",
+        f"<h2>{safe(row.label)}{f', seed {row.seed}' if seeds else ''}</h2>",
+        "<div class='card'><div>",
+        f"<p class='verdict {grade}'><b>Verdict:</b> {safe(fit.summary)}</p>",
     ]
     if shown.viewer is not None:
         parts.append(f"<p><a class='button' href='../fits/{shown.viewer}'>Open the viewer</a></p>")
     if shown.note:
         parts.append(f"<p class='quiet'>{safe(shown.note)}</p>")
-    if fit.findings:
-        parts.append(f"<ul class='findings'>{''.join(map(finding_words, fit.findings))}</ul>")
+    parts.append(finding_lists(fit.findings))
     if shown.textures:
         figures = "".join(
             f"<figure><img src='../fits/{file}' alt='Texture {safe(caption)}' loading='lazy' width='128' height='128'>"
@@ -86,20 +99,21 @@ def _card(fit: ReportedFit, shown: FitFiles) -> str:
             for file, caption in shown.textures
         )
         parts.append(f"<h3>Textures</h3><div class='textures'>{figures}</div>")
-    if shown.picture is not None:
-        words = f"The source, {row.label} and their differences on spheres under three lights"
-        parts.append(
-            f"<a class='picture' href='../fits/{shown.picture}'>"
-            f"<img src='../fits/{shown.picture}' alt='{safe(words)}' loading='lazy'></a>"
-        )
     given = fit.task.settings
     # With a number of bytes, the fit chooses number and shapes of its textures.
     chosen = {"size", "textures"} if given.get("bytes") is not None else set[str]()
     settings = ", ".join(f"{name} {value}" for name, value in given.items() if value is not None and name not in chosen)
     parts.append(
         f"<details><summary>Settings</summary><p>{safe(fit.task.method)}: {safe(settings)}; {fit.task.held_out:g} of"
-        f" the samples held out; homofact {safe(fit.task.version)}; result {row.key}</p></details></section>"
+        f" the samples held out; homofact {safe(fit.task.version)}; result {row.key}</p></details></div>"
     )
+    if shown.picture is not None:
+        words = f"The source, {row.label} and their differences on spheres under three lights"
+        parts.append(
+            f"<a class='picture' href='../fits/{shown.picture}'>"
+            f"<img src='../fits/{shown.picture}' alt='{safe(words)}' loading='lazy'></a>"
+        )
+    parts.append("</div></section>")
     return "".join(parts)
 
 

@@ -45,7 +45,7 @@ class Plot {
     this.svg.setAttribute("aria-label", `${metric.words} against ${this.title}: ${seen.length} fits. Arrow keys go from dot to dot, Enter opens one.`);
     this.chosen = -1;
     const missing = fits.length - seen.length;
-    this.resting = missing ? `${whole(missing)} of ${whole(fits.length)} fits cannot be drawn: no such figure, or 0.` : "Point at a dot to read its figures.";
+    this.resting = missing ? `${whole(missing)} of ${whole(fits.length)} fits are not in the chart: their figure is missing, unknown or 0.` : "Point at a dot to read its figures.";
     this.reading.textContent = this.resting;
   }
 
@@ -58,7 +58,7 @@ class Plot {
     }
     for (const value of up.ticks) {
       yield svg("line", { class: "rule", x1: EDGE.left, x2: right, y1: top(value), y2: top(value) });
-      yield svg("text", { x: EDGE.left - 7, y: top(value) + 4, "text-anchor": "end" }, figure(value));
+      yield svg("text", { x: EDGE.left - 7, y: top(value) + 4, "text-anchor": "end" }, figureOf(metric, value));
     }
     const ideal = up.at(1);
     if (metric.good === "one" && ideal > 0 && ideal < 1) yield svg("line", { class: "ideal", x1: EDGE.left, x2: right, y1: top(1), y2: top(1) });
@@ -84,7 +84,7 @@ class Plot {
     this.chosen = number;
     const { fit, left, top } = this.dots[number];
     for (const [name, value] of [["href", addressOf(fit)], ["transform", `translate(${left},${top})`], ["visibility", "visible"]]) this.ring.setAttribute(name, value);
-    const figures = `${this.metric.words} ${figure(fit.figures[this.metric.index])}, ${whole(fit.bytes)} bytes, ${figure(fit.seconds)} s`;
+    const figures = `${this.metric.words} ${figureOf(this.metric, fit.figures[this.metric.index])}, ${whole(fit.bytes)} bytes, ${figure(fit.seconds)} s`;
     this.reading.replaceChildren(link(fit, `${fit.material.name}, ${fit.method}`), `${fit.words}: ${figures}`);
   }
 

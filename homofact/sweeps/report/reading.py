@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from homofact.errors import BadInput
+from homofact.evaluation.bar.error_bar import WORDS, BarKind
 from homofact.evaluation.metric_table import REPORTED
 from homofact.evaluation.wording import trust_in_words
 from homofact.exporting.result import REPORT
@@ -126,6 +127,13 @@ def _fit(result: Result) -> ReportedFit:
                 place.number(metric.name)
     verdict = fields.inner("verdict")
     verdict.flag("trusted")
+    if verdict.found.get("bars") is not None:
+        for bar in verdict.inner("bars").inners("all", len(WORDS)):
+            bar.text("quantity", tuple(WORDS))
+            bar.text("kind", tuple(kind.value for kind in BarKind))
+            # An error that the verdict does not state is null.
+            if bar.found.get("error", 0) is not None:
+                bar.number("error", above=-1e-9)
     records = verdict.inners("findings", _MOST) if verdict.found.get("findings") else []
     findings = tuple(
         ReportedFinding(*(record.text(name) for name in ("name", "about", "found", "remedy"))) for record in records
