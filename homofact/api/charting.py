@@ -1,7 +1,6 @@
 """Charting: error against cost over methods, textures, sizes and searches."""
 
 import re
-import time
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
@@ -226,16 +225,15 @@ class _Charting:
         from homofact.figures.chart import write_charts
 
         before, total = kept[0], len(self.runs) * len(self.sources)
-        began = time.perf_counter()
 
         def started(place: int, run: "Run") -> None:
-            nonlocal began
-            began, kept[0] = time.perf_counter(), before + place
-            self.steps.run(f"{source.name}: {run.name}", kept[0], total, estimate.seconds_left)
+            kept[0] = before + place
+            estimate.begin(kept[0])
+            self.steps.run(f"{source.name}: {run.name}", kept[0], total, estimate.time_left())
 
         def ended(place: int, row: "ChartRow") -> None:
             # The row's own seconds also count a search that an earlier fit did.
-            estimate.finish(before + place, time.perf_counter() - began)
+            estimate.end()
 
         rows = run_chart(source, self.runs, ledger, self.held_out, started, self.steps, ended)
         kept[0] = before + len(self.runs)

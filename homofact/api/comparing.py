@@ -1,5 +1,6 @@
 """Comparing: fit several methods to the same split of one or more sources, and measure them alike."""
 
+import itertools
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -19,6 +20,7 @@ from homofact.sections import COMPARED, SourceSettings
 
 if TYPE_CHECKING:
     from homofact.brdf.source import Source
+    from homofact.evaluation.compare import ComparisonRow
     from homofact.evaluation.estimate import TimeEstimate
     from homofact.evaluation.repeats import RepeatedRows
     from homofact.methods.method import Method
@@ -198,25 +200,27 @@ class _Comparison:
         count: int,
     ) -> bool:
         """Add the fits of every method to `rows`; return whether Ctrl-C ended them, or raise if no fit is done."""
-        from homofact.evaluation.repeats import fit_repeats
+        from homofact.evaluation.repeats import RepeatedRows, fit_repeats
 
         runs = count * len(self.fits) * len(self.seeds) * len(self.splits)
         for label, fit in self.fits.items():
             of = f"{source.name}, {label}" if count > 1 else label
-            # As soon as a fit is done, progress reckons the time itself.
-            self.steps.run(of, estimate.done, runs, None if estimate.done else estimate.seconds_left)
-            try:
-                rows[label] = fit_repeats(source, fit, self.seeds, self.held_out, self.steps, subset, self.splits)
-            except KeyboardInterrupt:
-                if not rows and not some:
-                    raise
-                return True
-            for row in rows[label].rows:
-                estimate.finish(estimate.done, row.seconds_total - row.seconds_read)
-                self.refusal.check(row.verdict, label)
-            # The fit may have kept its best: a row, but the last one.
-            if rows[label].rows[-1].report.status is Status.INTERRUPTED:
-                return True
+            made: list[ComparisonRow] = []
+            for split, seed in itertools.product(self.splits, self.seeds):
+                estimate.begin()
+                self.steps.run(of, estimate.done, runs, estimate.time_left())
+                try:
+                    made += fit_repeats(source, fit, (seed,), self.held_out, self.steps, subset, (split,)).rows
+                except KeyboardInterrupt:
+                    if not rows and not some:
+                        raise
+                    return True
+                estimate.end()
+                rows[label] = RepeatedRows(tuple(made))
+                self.refusal.check(made[-1].verdict, label)
+                # The fit may have kept its best: a row, but the last one.
+                if made[-1].report.status is Status.INTERRUPTED:
+                    return True
         return False
 
     def _measured(self, source: "Source", rows: "dict[str, RepeatedRows]") -> SourceComparison:

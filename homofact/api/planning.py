@@ -1,7 +1,6 @@
 """Planning: the cheapest representation of every material of a scene that meets its tolerances."""
 
 import os
-import time
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
@@ -48,6 +47,12 @@ class PlanResult:
     against: "ScenePlan | None" = field(repr=False)
     folders: dict[str, str] | None
     plot: Path | None
+
+    def __str__(self) -> str:
+        """Return the choices with their bytes, errors and verdicts in lines."""
+        from homofact.api.plan_facts import plan_rows
+
+        return "\n".join(f"{name}: {value}" for name, value in plan_rows(self.record()).items() if value)
 
     @property
     def warnings(self) -> Sequence[str]:
@@ -226,7 +231,7 @@ def plan(
         options = FitOptions(**vars(settings), seed=asked.seed)
         fits: dict[str, Any] = {}
         again = 0 if other_lighting is None else len({material.key for material in asked.materials})
-        clock = PlanClock(steps.expect, following=again)
+        clock = PlanClock(steps.stage, following=again)
         found = with_larger_measured(plan_scene(asked, options, fits, clock, larger=True), clock.larger)
         other = None
         if other_lighting is not None:
@@ -270,13 +275,14 @@ def _verdicts(found: "ScenePlan", steps: ProgressSteps) -> "dict[str, Verdict | 
     from homofact.evaluation.estimate import TimeEstimate, verdict_seconds
 
     chosen = [material for material in found.distinct if material.walk.choice]
-    estimate = TimeEstimate([("verdict", verdict_seconds(len(each.fits.source.samples))) for each in chosen])
+    estimate = TimeEstimate(
+        [("verdict", verdict_seconds(len(each.fits.source.samples), first=True)) for each in chosen]
+    )
     verdicts = {}
     for number, material in enumerate(chosen):
-        steps.run(f"judging {_label(material)}", number, len(chosen), estimate.seconds_left)
-        begun = time.monotonic()
+        estimate.begin()
+        steps.run(f"judging {_label(material)}", number, len(chosen), estimate.time_left())
         verdicts[_label(material)] = material.verdict
-        estimate.finish(number, time.monotonic() - begun)
     return verdicts
 
 

@@ -9,6 +9,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from homofact.evaluation.time_left import TimeLeft
+
 if TYPE_CHECKING:
     from homofact.evaluation.estimate import TimeEstimate
     from homofact.methods.fitting import FitProgress
@@ -20,10 +22,10 @@ WORTH_SAYING = 5.0  # seconds that a call may take without saying so
 class ProgressStep:
     """Progress of a call: the `stage` in words, `done` of `total` parts (None if unknown), and `figures` of a fit.
 
-    `left` is the expected remaining time in seconds. It is 0 or less if the call takes longer than expected, and None
-    if there is no estimate. A step with a `note` contains a message for the user and does not change the progress. If
-    it is `passing`, the message only explains a wait and can be removed afterwards. `task` is the name of a counted
-    stage without its count and figures, so it is the same for all parts. It is empty if `stage` is already the name.
+    `time` is the time that is left of the call or of its stage, as a range, and None if there is no estimate. A step
+    with a `note` contains a message for the user and does not change the progress. If it is `passing`, the message only
+    explains a wait and can be removed afterwards. `task` is the name of a counted stage without its count and figures,
+    so it is the same for all parts. It is empty if `stage` is already the name.
     """
 
     stage: str = ""
@@ -32,8 +34,13 @@ class ProgressStep:
     figures: str = ""
     note: str = ""
     passing: bool = False
-    left: float | None = None
+    time: TimeLeft | None = None
     task: str = ""
+
+    @property
+    def left(self) -> float | None:
+        """The expected seconds that are left; 0 if the step takes longer than expected, None without an estimate."""
+        return None if self.time is None else self.time.now[0]
 
 
 Progress = Callable[[ProgressStep], object]
@@ -46,26 +53,25 @@ class ProgressSteps:
         """Store the callback."""
         self._progress = progress
         self._stage, self._task, self._done, self._runs = "", "", 0, 1
-        self._end: float | None = None  # when the call is expected to end, where a run was given its `left`
+        self._time: TimeLeft | None = None
+        self._begun = 0.0
 
-    def stage(self, name: str, left: float | None = None) -> None:
-        """Begin a stage without counted parts, which should take `left` seconds (None if unknown)."""
-        self._begin(name, 0, 1)
-        self._say(ProgressStep(name, left=left))
+    def stage(self, name: str, left: float | TimeLeft | None = None) -> None:
+        """Begin a stage without counted parts, of which, or of the call, so much time is left.
+
+        Seconds are of the stage alone, and known within a factor of 2.
+        """
+        self._begin(name, 0, 1, left)
+        self._say(ProgressStep(name, time=self._time))
 
     def part(self, done: int, parts: int) -> None:
         """Say how many parts of the stage are done."""
         self._say(ProgressStep(self._stage, done, parts))
 
-    def expect(self, name: str, passed: float, left: float) -> None:
-        """Begin a stage of a call that has taken `passed` seconds and is expected to take `left` more."""
-        self._begin(name, 0, 1)
-        self._say(ProgressStep(name, passed, passed + left, left=left))
-
-    def run(self, name: str, done: int, runs: int, left: float | None = None) -> None:
-        """Begin the next of several runs after `done` finished ones; the rest should take about `left` seconds."""
+    def run(self, name: str, done: int, runs: int, left: float | TimeLeft | None = None) -> None:
+        """Begin the next of several runs after `done` finished ones; `left` as in `stage`."""
         self._begin(f"{done + 1}/{runs} {name}", done, runs, left, name)
-        self._say(ProgressStep(self._stage, done, runs, left=left, task=name))
+        self._say(ProgressStep(self._stage, done, runs, time=self._time, task=name))
 
     def note(self, text: str, passing: bool = False) -> None:
         """Pass a message to the callback."""
@@ -93,16 +99,17 @@ class ProgressSteps:
         again = f", restart {at.restart}/{at.restarts}" if at.restarts > 1 else ""
         words = f"{self._stage}: term {at.term}/{at.terms}{again}"
         figures = f"{at.evaluations} evaluations{best}"
-        left = None if self._end is None else self._end - time.monotonic()
+        left = None if self._time is None else self._time.after(time.monotonic() - self._begun)
         if self._runs == 1:
-            self._say(ProgressStep(words, done, at.terms, figures, left=left, task=self._task))
+            self._say(ProgressStep(words, done, at.terms, figures, time=left, task=self._task))
         else:
             part = self._done + done / max(at.terms, 1)
-            self._say(ProgressStep(words, part, self._runs, figures, left=left, task=self._task))
+            self._say(ProgressStep(words, part, self._runs, figures, time=left, task=self._task))
 
-    def _begin(self, stage: str, done: int, runs: int, left: float | None = None, task: str = "") -> None:
+    def _begin(self, stage: str, done: int, runs: int, left: float | TimeLeft | None, task: str = "") -> None:
         self._stage, self._done, self._runs, self._task = stage, done, runs, task or stage
-        self._end = None if left is None else time.monotonic() + left
+        self._begun = time.monotonic()
+        self._time = TimeLeft.within(left) if isinstance(left, int | float) else left
 
     def _say(self, step: ProgressStep) -> None:
         if self._progress is not None:

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from homofact.brdf.reflectance import Reflectance
+    from homofact.evaluation.estimate import TimeEstimate
     from homofact.meshes.mesh import Mesh
     from homofact.relighting.build import RelightScene, RelitObject
     from homofact.relighting.errors import RelightErrors
@@ -169,7 +170,7 @@ def _relit_scene(
     """Open, precompute and render a scene, and measure its errors."""
     from homofact.relighting.build import open_relight_scene, relit_objects
     from homofact.relighting.error_notes import error_notes
-    from homofact.relighting.errors import dense_colours
+    from homofact.relighting.errors import dense_colours, scene_errors
     from homofact.relighting.result import RelightResult
     from homofact.relighting.room import check_room
     from homofact.relighting.whole_picture import picture_likeness
@@ -186,23 +187,33 @@ def _relit_scene(
     objects = relit_objects(scene, blocks, lambda name, done, count: steps.run(name, min(done, count - 1), count))
     traced = time.perf_counter()
     result = RelightResult.of(file, objects, {})
-    pictures = _pictures(scene, result, steps)
+    whole_picture = vertices > 0 and len(stages) > len(QUICK_STAGES)
+    estimate = _estimate(scene, vertices, whole_picture, reference)
+    pictures = _pictures(scene, result, estimate, steps)
     errors: list[RelightErrors | None] = []
     notes = list(scene.notes)
     if vertices:
-        errors = _errors(scene, objects, vertices, stages, steps)
+
+        def begin(number: int) -> None:
+            estimate.begin()
+            words = f"measuring the error of {objects[number].mesh.name}"
+            steps.run(words, number, len(objects), estimate.time_left())
+
+        errors = scene_errors(scene, objects, vertices, stages, begin)
         for relit, error in zip(objects, errors, strict=True):
             for line in error_notes(relit.mesh.name, error, relit.lobe is not None):
                 steps.note(line)
                 notes.append(line)
     likeness = None
-    if vertices and len(stages) > len(QUICK_STAGES):
+    if whole_picture:
+        estimate.begin()
         likeness = picture_likeness(
             scene, objects, progress=lambda done, count: steps.run("summing a picture in full", done, count)
         )
     sums = None
     if reference:
-        steps.stage("summing every vertex in full")
+        estimate.begin()
+        steps.stage("summing every vertex in full", estimate.time_left())
         sums = tuple(dense_colours(scene, result.sky.cube.astype(float)))
     report = _report(scene, objects, errors)
     report["seconds"] = {
@@ -216,48 +227,44 @@ def _relit_scene(
     )
 
 
-def _pictures(scene: "RelightScene", result: "RelightResult", steps: ProgressSteps) -> "list[np.ndarray]":
-    """Render 8-bit pictures from all cameras under the scene's light."""
+def _estimate(scene: "RelightScene", vertices: int, whole_picture: bool, reference: bool) -> "TimeEstimate":
+    """Return the time of what follows the transport: pictures, errors at `vertices`, a whole picture, every vertex."""
     from homofact.evaluation.estimate import TimeEstimate
-    from homofact.relighting.expected import picture_seconds
+    from homofact.relighting.expected import error_seconds, picture_seconds, reference_seconds, whole_picture_seconds
+    from homofact.relighting.whole_picture import ROWS
+
+    cube, lights, cameras = scene.file.settings.cube, len(scene.file.lights), scene.file.cameras
+    estimate = TimeEstimate([("picture", picture_seconds(camera.pixels, lights)) for camera in cameras])
+    reflectances = [placed.reflectance for placed in scene.objects]
+    if vertices:
+        for reflectance in reflectances:
+            estimate.add("sum", error_seconds(reflectance, vertices, cube, whole_picture))
+    if whole_picture:
+        width, height = cameras[0].pixels
+        estimate.add("sum", whole_picture_seconds(reflectances, ROWS**2 * width / height, cube))
+    if reference:
+        placed = [(each.reflectance, each.mesh) for each in scene.objects]
+        estimate.add("sum", reference_seconds(placed, cameras[0].eye, cube))
+    return estimate
+
+
+def _pictures(
+    scene: "RelightScene", result: "RelightResult", estimate: "TimeEstimate", steps: ProgressSteps
+) -> "list[np.ndarray]":
+    """Render 8-bit pictures from all cameras under the scene's light."""
     from homofact.relighting.picture import displayed_picture
 
     steps.stage("lighting the objects")
-    cameras, lights = scene.file.cameras, len(scene.file.lights)
+    cameras = scene.file.cameras
     lit = replace(result.lit(), occluder=scene.occluder)
-    estimate = TimeEstimate([("picture", picture_seconds(camera.pixels, lights)) for camera in cameras])
     pictures = []
     for number, camera in enumerate(cameras):
         name = "rendering" if len(cameras) == 1 else f"rendering picture {number + 1} of {len(cameras)}"
-        steps.stage(name, estimate.seconds_left)
-        begun = time.monotonic()
+        estimate.begin()
+        steps.stage(name, estimate.time_left())
         pictures.append(displayed_picture(*lit.radiance(camera)))
-        estimate.finish(number, time.monotonic() - begun)
+    estimate.end()
     return pictures
-
-
-def _errors(
-    scene: "RelightScene",
-    objects: "Sequence[RelitObject]",
-    vertices: int,
-    stages: Sequence[str],
-    steps: ProgressSteps,
-) -> "list[RelightErrors | None]":
-    """Measure the error of each object, and report the expected remaining time."""
-    from homofact.evaluation.estimate import TimeEstimate
-    from homofact.relighting.errors import scene_errors
-    from homofact.relighting.expected import error_seconds
-
-    cube, whole = scene.file.settings.cube, len(stages) > len(QUICK_STAGES)
-    jobs = [("error", error_seconds(placed.reflectance, vertices, cube, whole)) for placed in scene.objects]
-    estimate, begun = TimeEstimate(jobs), time.monotonic()
-
-    def begin(number: int) -> None:
-        if number:
-            estimate.finish_first(number, time.monotonic() - begun)
-        steps.run(f"measuring the error of {objects[number].mesh.name}", number, len(objects), estimate.seconds_left)
-
-    return scene_errors(scene, objects, vertices, stages, begin)
 
 
 def _relit_mesh(

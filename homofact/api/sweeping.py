@@ -193,7 +193,7 @@ def sweep(
             if ending.seconds is None:
                 steps.note(f"{ending.task.words}: {counted.misfortune(state, ending)}")
         if state.left:
-            steps.run(counted.words(), len(state.tasks) - state.left, len(state.tasks), counted.seconds_left)
+            steps.run(counted.words(), len(state.tasks) - state.left, len(state.tasks), counted.time_left)
 
     try:
         state = run_sweep(wanted, folder, engine, told, retry)

@@ -8,13 +8,12 @@ prints its progress in lines, except with --json or if HOMOFACT_PROGRESS is 0 in
 import copy
 import json
 import os
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
 from rich.console import Console, ConsoleOptions, RenderableType
-from rich.progress import BarColumn, Task, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import BarColumn, ProgressColumn, Task, TextColumn, TimeElapsedColumn
 from rich.progress import Progress as ProgressBar
 from rich.segment import Segment
 from rich.table import Table
@@ -23,7 +22,7 @@ from rich.text import Text
 from homofact.api.progress import Progress, ProgressStep, ProgressSteps
 from homofact.cli.flags import with_options
 from homofact.cli.interrupts import told
-from homofact.cli.progress_lines import ProgressLines, time_left
+from homofact.cli.progress_lines import ProgressLines, StageClock
 from homofact.errors import Report, Status
 from homofact.files.plain import plain
 from homofact.files.words import harmless
@@ -52,13 +51,12 @@ class _Console(Console):
         raise BrokenPipeError
 
 
-class _TimeLeft(TimeRemainingColumn):
-    """The time that a step expects to be left; rich's own, from the rate of the parts, where it expects none."""
+class _TimeLeft(ProgressColumn):
+    """The time that is left by the clock of the stage."""
 
     def render(self, task: Task) -> Text:
-        """Return one of the two times; that of a step runs down to its `end`."""
-        end = task.fields["end"]
-        return super().render(task) if end is None else Text(time_left(end - time.monotonic()))
+        """Return it in words that run down; none if it is unknown."""
+        return Text(task.fields["clock"].left())
 
 
 class Screen:
@@ -125,16 +123,16 @@ class Screen:
         )
         # transient: a finished bar says nothing that the table does not.
         with ProgressBar(*columns, console=self._err, transient=True, expand=True) as bar:
-            task = bar.add_task("", total=None, figures="", end=None)
+            clock = StageClock()
+            task = bar.add_task("", total=None, figures="", clock=clock)
 
             def show(step: ProgressStep) -> None:
                 self._say(step)
                 if not step.note:
-                    end = None if step.left is None else time.monotonic() + step.left
+                    clock.take(step)
                     bar.update(
-                        task, description=step.stage, figures=step.figures, end=end, total=step.total,
-                        completed=step.done,
-                    )  # fmt: skip
+                        task, description=step.stage, figures=step.figures, total=step.total, completed=step.done
+                    )
 
             yield show
 

@@ -3,16 +3,16 @@
 The model gives the seconds of a fit on one thread of an AMD EPYC processor at 3 GHz. The ratio of measured to modelled
 seconds of finished parts accounts for another machine or for unusual settings. The estimate multiplies the modelled
 seconds of the remaining parts by this ratio. It is a range: without a finished part of a kind, its parts may take half
-or twice the expected time. The range narrows with every finished part, and words name one number only if it is within
-a factor of 2.
+or twice the expected time. The range narrows with every finished part.
 """
 
 import math
 import time
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+from homofact.evaluation.time_left import BESIDE, TimeLeft, between, spread
+from homofact.linear.size import MOST_DENSE
 from homofact.methods.cole import Cole
 from homofact.methods.effort import units
 from homofact.methods.mccool import McCool
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 _SAMPLE_SOLVED = 3e-6  # a sample and texture in a solve
 _CUBE, _TEXEL = 4e-11, 6e-4  # unknowns³ of a dense solve, an unknown of a sparse one
 _SAMPLE_MEASURED = 7e-6  # a sample in errors and verdict
-_ALWAYS = 0.3  # the verdict's own pictures of the fit
+_ALWAYS = 0.7  # the verdict's own pictures of the fit
 _POWELL = 140  # evaluations of Powell's method for a restart of a term
 _EVALUATION, _SAMPLE_EVALUATED = 5e-4, 2.9e-7  # of an inner problem, for each term solved together
 
@@ -35,11 +35,6 @@ _UNIT = 7e-3  # of `methods.effort`
 _KNOWN = {"quick": 0.3, "normal": 0.37}  # of a search among known mixes of one texture
 _STEP = 7e-4  # of a network's training
 _LOBE, _MODEL, _SAMPLE_MODELLED = 2.5e-5, 1.0, 1e-4  # a sample and lobe of GGX; any other model, and a sample of it
-
-# Seconds that the model counts beside those measured, so that a first part, which also loads libraries, tells little.
-_BESIDE = 1.0
-# A single number is within this factor of both ends of the range together; a range is named up to this factor.
-_CERTAIN, _WIDE = 2.0, 6.0
 
 
 def fit_seconds(settings: Method, samples: int, known_terms: int = 0) -> float:
@@ -54,13 +49,17 @@ def fit_seconds(settings: Method, samples: int, known_terms: int = 0) -> float:
     after = verdict_seconds(samples)
     if isinstance(settings, Nbrdf):
         return after + _STEP * settings.steps
+    if isinstance(settings, Ggx):
+        return after + _LOBE * settings.lobes * samples
     if isinstance(settings, MODELS):
-        return after + _MODEL
+        return after + _MODEL + _SAMPLE_MODELLED * samples
     if settings.name == "svd":
         return after + 0.9 * (size / 16) ** 3.3
     if settings.name == "nmf":
         return after + 2.8 * (size / 16) ** 4
-    solve = _SAMPLE_SOLVED * samples * textures + _CUBE * (textures * size**2) ** 3
+    unknowns = textures * size**2
+    solve = _SAMPLE_SOLVED * samples * textures
+    solve += _CUBE * unknowns**3 if unknowns <= MOST_DENSE else _TEXEL * unknowns
     if isinstance(settings, Search):
         if settings.effort in _KNOWN and settings.projections is None:
             searched = _KNOWN[str(settings.effort)] * textures**1.2
@@ -82,16 +81,23 @@ def _guarded(seconds: float, settings: Search | Cole) -> float:
     return seconds if settings.budget is None else min(seconds, settings.budget)
 
 
-def training_count(source: Source, settings: Method, held_out: float, subset: int = 0) -> int:
+def training_count(source: "Source", settings: Method, held_out: float, subset: int = 0) -> int:
     """Return the number of samples in the solve of a fit, including its azimuth copies.
 
-    Raises BadInput if there are too few samples to hold some out, so that this error comes before any estimate.
+    Raises BadInput if there are too few samples to hold some out, and if the fit needs more than the machine's memory,
+    so that these errors come before any estimate.
     """
     total = len(source.samples)
-    held = round(held_out * total)
-    if held_out > 0 and held in (0, total):
+    if held_out > 0 and round(held_out * total) in (0, total):
         source.samples.split(held_out, settings.seed)
-    count = total - held
+    count = solved_samples(source, settings, held_out, subset)
+    _refuse_too_large(source, settings, count)
+    return count
+
+
+def solved_samples(source: "Source", settings: Method, held_out: float, subset: int = 0) -> int:
+    """Return the number of samples as `training_count`, without its checks."""
+    count = len(source.samples) - round(held_out * len(source.samples))
     count = min(count, subset) if subset > 0 else count
     copies = settings.copies
     if source.samples.isotropic and not source.samples.all_azimuths and copies > 1:
@@ -99,73 +105,132 @@ def training_count(source: Source, settings: Method, held_out: float, subset: in
     return count
 
 
-def verdict_seconds(samples: int) -> float:
-    """Modelled seconds of the errors and the verdict of a fit, measured on so many samples."""
-    return _ALWAYS + _SAMPLE_MEASURED * samples
+def _refuse_too_large(source: "Source", settings: Method, count: int) -> None:
+    """Raise BadInput for textures that do not fit into memory, as the fit itself would later."""
+    if not isinstance(settings, Search | Cole | McCool):
+        return
+    from homofact.factor.projection import fixed_projection
+    from homofact.factor.textures import texture_shape
+    from homofact.methods.memory import refuse_too_large
+    from homofact.methods.search_task import TextureSizes
+
+    textures, side = settings.most_textures, settings.size
+    if isinstance(settings, Search):
+        side = TextureSizes.of(settings, len(source.samples.channels)).side
+    shapes = ((side, side),) * textures
+    if isinstance(settings, McCool):
+        shapes = tuple(
+            texture_shape(fixed_projection(name, settings.reciprocal), side) for name in settings.projections
+        )
+    refuse_too_large(settings, shapes, 2 * textures * count)
+
+
+def verdict_seconds(samples: int, first: bool = False) -> float:
+    """Modelled seconds of the errors and the verdict of a fit, measured on so many samples.
+
+    The `first` verdict on a source also renders the source.
+    """
+    return (2 if first else 1) * _ALWAYS + _SAMPLE_MEASURED * samples
 
 
 class TimeEstimate:
-    """The estimated time of a list of fits; `jobs` has (method, modelled seconds) per fit, in the order of the runs."""
+    """The estimated time of a list of parts; `jobs` has (kind, modelled seconds) per part, in the order of the runs."""
 
-    def __init__(self, jobs: Sequence[tuple[str, float]]) -> None:
+    def __init__(self, jobs: Sequence[tuple[str, float]] = ()) -> None:
         """Nothing is finished yet."""
         self._jobs = list(jobs)
         self._measured: dict[int, float] = {}
         self._skipped: set[int] = set()
+        self._running: tuple[int, float] | None = None
+
+    def add(self, kind: str, seconds: float) -> int:
+        """Add a part and return its index."""
+        self._jobs.append((kind, seconds))
+        return len(self._jobs) - 1
+
+    def begin(self, place: int | None = None) -> None:
+        """End the part that runs, and begin the one with index `place`, or else the next one."""
+        self.end()
+        following = self._rest()[:1] if place is None else [place]
+        self._running = (following[0], time.monotonic()) if following else None
+
+    def end(self) -> None:
+        """Record that the part that runs is finished, if one runs."""
+        if self._running is not None:
+            place, begun = self._running
+            self.finish(place, time.monotonic() - begun)
+            self._running = None
 
     def skip(self, place: int) -> None:
-        """Record that the fit with index `place` will not run."""
+        """Record that the part with index `place` will not run."""
         self._skipped.add(place)
 
     def finish(self, place: int, seconds: float) -> None:
-        """Record that the fit with index `place` took `seconds`, in this run or an earlier one."""
+        """Record that the part with index `place` took `seconds`, in this run or an earlier one."""
         self._measured[place] = seconds
 
     def finish_first(self, count: int, seconds: float) -> None:
-        """Record that the first `count` fits took `seconds` in total, which are divided in proportion to the model."""
+        """Record that the first `count` parts took `seconds` in total, which are divided in proportion to the model."""
         scale = seconds / max(sum(modelled for _, modelled in self._jobs[:count]), 1e-9)
         self._measured |= {place: scale * self._jobs[place][1] for place in range(count)}
 
     @property
     def done(self) -> int:
-        """How many fits are done."""
+        """How many parts are done."""
         return len(self._measured)
 
     @property
     def left(self) -> int:
-        """How many fits are still to do."""
-        return len(self._jobs) - len(self._measured.keys() | self._skipped)
+        """How many parts are still to do."""
+        return len(self._rest())
 
     @property
     def seconds_left(self) -> float:
-        """Seconds of the fits that are still to do."""
-        return sum(
-            seconds * self._factor(name)
-            for place, (name, seconds) in enumerate(self._jobs)
-            if place not in self._measured and place not in self._skipped
-        )
+        """The expected seconds of the parts that are still to do."""
+        return self.time_left().seconds
+
+    def time_left(
+        self, whole: bool = True, further: Sequence[tuple[str, float, float, float]] = (), workers: int = 1
+    ) -> TimeLeft:
+        """Return the time of the parts that are still to do, by so many workers at once.
+
+        `further` has (kind, expected, least and most modelled seconds) of parts whose number is not known yet. The
+        next parts to do are those that run now.
+        """
+        rest = [self._jobs[place] for place in self._rest()]
+        workers = max(min(workers, len(rest)), 1)
+        ranges = [self._range(kind, *(seconds,) * 3) for kind, seconds in rest]
+        ranges += [self._range(*one) for one in further]
+        expected, least, most = (sum(each) for each in zip(*ranges, strict=True)) if ranges else (0.0, 0.0, 0.0)
+        if workers > 1:
+            # The other workers may be about to finish, or have just begun, the longest part.
+            longest = max(ranges)
+            least = max(least - (workers - 1) * longest[1], 0.0)
+            most += (workers - 1) * longest[2]
+        running = max(ranges[:workers])[2] if rest else 0.0
+        known = BESIDE + sum(self._measured[place] for place in self._of({kind for kind, _ in rest[:1]}))
+        return TimeLeft(expected / workers, least / workers, most / workers, running, known, whole)
 
     def words(self) -> str:
-        """Return the remaining work as text: "27 fits, about 4 min"."""
-        return f"{self.left} fit{'' if self.left == 1 else 's'}, {about(self.seconds_left)}"
+        """Return the remaining work as text: "27 fits, about 1 to 4 min"."""
+        fits = f"{self.left} fit{'' if self.left == 1 else 's'}"
+        return ", ".join(filter(None, (fits, between(*self.time_left().now))))
 
-    def _factor(self, name: str) -> float:
-        """Seconds measured over those modelled: of the method's own fits; where it has none yet of all, within ×2."""
-        own = self._ratio({name})
-        return own if own is not None else min(max(self._ratio({method for method, _ in self._jobs}) or 1.0, 0.5), 2.0)
+    def _rest(self) -> list[int]:
+        return [place for place in range(len(self._jobs)) if place not in self._measured and place not in self._skipped]
 
-    def _ratio(self, names: Collection[str]) -> float | None:
-        done = [place for place in self._measured if self._jobs[place][0] in names]
-        modelled = sum(self._jobs[place][1] for place in done)
-        return sum(self._measured[place] for place in done) / modelled if modelled > 0 else None
+    def _range(self, kind: str, expected: float, least: float, most: float) -> tuple[float, float, float]:
+        """Seconds on this machine: by the finished parts of the same kind, or else by all of them, within ×3."""
+        own = self._of({kind})
+        factor = self._ratio(own) if own else min(max(self._ratio(self._measured), 1 / 3), 3.0)
+        wide = spread(len(own))
+        return factor * expected, factor * least / wide, factor * most * wide
 
+    def _of(self, kinds: Collection[str]) -> list[int]:
+        """The finished parts of some kinds."""
+        return [place for place in self._measured if self._jobs[place][0] in kinds]
 
-def about(seconds: float) -> str:
-    """Return an approximate time as text: "about 40 s", "about 4 min", "about 2.5 h"."""
-    if seconds < 10:
-        return "under 10 s"
-    if seconds < 90:
-        return f"about {10 * math.ceil(seconds / 10)} s"
-    if seconds < 90 * 60:
-        return f"about {math.ceil(seconds / 60)} min"
-    return f"about {seconds / 3600:.1f} h"
+    def _ratio(self, places: Collection[int]) -> float:
+        """Seconds measured over those modelled."""
+        modelled = sum(self._jobs[place][1] for place in places)
+        return (sum(self._measured[place] for place in places) + BESIDE) / (modelled + BESIDE)

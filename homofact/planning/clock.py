@@ -1,43 +1,44 @@
 """Report the progress of a plan and the estimated remaining time before every fit.
 
-The number of fits of a plan is not known in advance. The clock expects `USUAL` fits for each material that has not
-begun, also for those of a following plan under another lighting, and `LARGER` fits for each larger step. For a material
-without a fit that meets its tolerance, it expects as many fits as the search may still make. The seconds per fit come
-from the model of `evaluation.estimate`, corrected by the time of the fits so far. The time of the verdicts is added:
-one per choice, or one per fit if choices must be trusted.
+The number of fits of a plan is not known in advance, so its time is a wide range at first. The clock expects `MODELS`
+and `TEXTURED` fits for each material that has not begun, also for those of a following plan under another lighting, and
+`LARGER` fits for each larger step. For a material without a fit that meets its tolerance, it expects at most as many
+fits as the search may still make. The seconds per fit come from the model of `evaluation.estimate`, corrected by the
+time of the fits so far. The time of the verdicts is added: one per choice, or one per fit if choices must be trusted.
 """
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from statistics import fmean
 
-from homofact.evaluation.estimate import fit_seconds, training_count, verdict_seconds
+from homofact.evaluation.estimate import TimeEstimate, fit_seconds, solved_samples, verdict_seconds
+from homofact.evaluation.time_left import TimeLeft
 from homofact.evaluation.wording import counted
+from homofact.planning import ladder
 from homofact.planning.ladder import Candidate, method_of
 from homofact.planning.material_fits import MaterialFits
 
-# Fits per material that plans make in the median (scripts/planning/planner_blind.py), and those of a larger step.
-USUAL, LARGER = 4, 1
-# Seconds of a fit of a material that has not been read, and by so many the model counts beside what was measured.
-_UNREAD = 2.0
+# Fits per material with textures, and those of a larger step: the usual number, the least and the most
+# (scripts/planning/planner_blind.py).
+TEXTURED, LARGER = (2, 0, 12), (1, 0, 3)
+# Seconds of a fit of a material that has not been read, and of a model.
+_UNREAD, _MODEL = 2.0, 0.5
+_Further = tuple[str, float, float, float]
 
 
 @dataclass
 class PlanClock:
-    """Tells where a plan is: `tell` is called with words, seconds that have passed, and seconds that may be left."""
+    """Tells where a plan is: `tell` is called with words, and with the time that is left of the plan."""
 
-    tell: Callable[[str, float, float], object]
+    tell: Callable[[str, TimeLeft], object]
     materials: int = 0
     words: str = ""
     following: int = 0
-    _begun: float = field(default_factory=time.monotonic)
+    _estimate: TimeEstimate = field(default_factory=TimeEstimate)
     _fits: MaterialFits | None = None
     _usual: float = _UNREAD
-    _modelled: float = 0.0
-    _asked: tuple[float, float] | None = None
-    _spent: float = 0.0
     _made: int = 0
+    _textured: int = 0
     _steps: int = 0
     _judged: int = 0
     _verdict: float = 0.0
@@ -54,45 +55,42 @@ class PlanClock:
 
     def material(self, fits: MaterialFits, words: str) -> None:
         """Begin the material of `fits`, which has been read."""
-        self._settle()
+        self._estimate.end()
         self.materials = max(self.materials - 1, 0)
-        self._fits, self._made, self.words = fits, 0, words
-        textured = [rung for rung in fits.rungs if not rung.is_colour and rung == rung.fit]
-        self._verdict = verdict_seconds(len(fits.source.samples))
+        self._fits, self._made, self._textured, self.words = fits, 0, 0, words
+        textured = [rung for rung in fits.rungs if rung.textures and rung == rung.fit]
+        self._verdict = verdict_seconds(len(fits.source.samples), first=True)
         self._usual = fmean(self._seconds(rung) for rung in textured)
-        self._say(words, USUAL)
+        self._say(words, *_of_materials(1, self._usual))
 
     def asking(self, candidate: Candidate, most: int | None) -> None:
         """Report that a candidate is to be fitted next; if none meets the tolerance, `most` fits may remain."""
-        self._settle()
+        self._estimate.end()
         if candidate.is_colour or self._fits is None:
             return
         if candidate.fit not in self._fits.made:
-            self._asked = self._seconds(candidate), time.monotonic()
             self._made += 1
-        further = max(USUAL - self._made, 1) if most is None else most - 1
+            self._textured += candidate.textures > 0
+            self._estimate.begin(self._estimate.add(candidate.family, self._seconds(candidate)))
+        usual, _, largest = TEXTURED
+        further = (max(usual - self._textured, 1), 0, max(largest - self._textured, 2))
+        if most is not None:
+            further = (most - 1, (most - 1) / 2, most - 1)
         state = "" if most is None else f"; none meets the tolerance so far, at most {counted(most, 'fit')} left"
-        self._say(f"{self.words}: fit {self._made}, {candidate.words}{state}", further)
+        self._say(f"{self.words}: fit {self._made}, {candidate.words}{state}", _fits(further, self._usual))
 
     def larger(self, words: str) -> None:
         """Begin the larger step of a material."""
-        self._settle()
+        self._estimate.end()
         self._steps = max(self._steps - 1, 0)
         self.materials = 0
-        self._say(words, LARGER)
+        self._say(words, _fits(LARGER, self._usual))
 
     def stage(self, words: str) -> None:
         """Begin a step that is not a fit."""
-        self._settle()
+        self._estimate.end()
         self._fits = None
-        self._say(words, 0)
-
-    def _settle(self) -> None:
-        """Record how long the previous fit took."""
-        if self._asked is not None:
-            modelled, begun = self._asked
-            self._modelled, self._spent = self._modelled + modelled, self._spent + time.monotonic() - begun
-            self._asked = None
+        self._say(words)
 
     def _seconds(self, candidate: Candidate) -> float:
         """Return the modelled seconds of a fit of the current material, including a verdict if one follows."""
@@ -101,12 +99,21 @@ class PlanClock:
             return _UNREAD
         method = method_of(candidate, fits.options, fits.source.default_epsilon)
         judging = self._verdict if self._trusted else 0.0
-        return fit_seconds(method, training_count(fits.source, method, fits.options.held_out)) + judging
+        return fit_seconds(method, solved_samples(fits.source, method, fits.options.held_out)) + judging
 
-    def _say(self, words: str, further: float) -> None:
-        factor = (self._spent + _UNREAD) / (self._modelled + _UNREAD)
-        now = self._asked[0] if self._asked is not None else 0.0
-        others = (self.materials + self.following) * USUAL + self._steps * LARGER
-        fitting = factor * (now + (further + others) * self._usual)
-        at_the_end = 0.0 if self._trusted else self._judged * self._verdict
-        self.tell(words, time.monotonic() - self._begun, fitting + at_the_end)
+    def _say(self, words: str, *further: _Further) -> None:
+        others = (*_of_materials(self.materials + self.following, self._usual), _fits(LARGER, self._usual, self._steps))
+        judged = 0.0 if self._trusted else self._judged * self._verdict
+        verdicts = ("verdict", judged, judged, judged)
+        self.tell(words, self._estimate.time_left(further=(*further, *others, verdicts)))
+
+
+def _of_materials(count: int, seconds: float) -> tuple[_Further, _Further]:
+    """Return the modelled seconds of the fits of so many materials."""
+    models = count * len(ladder.MODELS) * _MODEL
+    return ("ggx", models, models, models), _fits(TEXTURED, seconds, count)
+
+
+def _fits(numbers: tuple[float, float, float], seconds: float, count: int = 1) -> _Further:
+    usual, least, most = (count * number * seconds for number in numbers)
+    return "search", usual, least, most

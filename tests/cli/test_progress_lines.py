@@ -8,12 +8,14 @@ import sys
 import time
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from rich.console import Console
 from rich.text import Text
 
 from homofact.api.charting import chart
+from homofact.api.comparing import compare
 from homofact.api.factorizing import factorize
 from homofact.api.progress import ProgressStep, ProgressSteps
 from homofact.brdf.analytic.lambert import Lambert
@@ -21,8 +23,11 @@ from homofact.brdf.sampling import sample_model
 from homofact.cli import progress_lines
 from homofact.cli.progress_lines import ProgressLines, duration
 from homofact.cli.screen import PROGRESS, Screen
+from homofact.evaluation import repeats
+from homofact.evaluation.time_left import TimeLeft
 from homofact.methods.fitting import FitProgress
 from homofact.methods.mccool import McCool
+from homofact.methods.svd import Svd
 
 
 @pytest.fixture(autouse=True)
@@ -51,7 +56,7 @@ def test_a_long_command_says_where_it_is_and_how_long_it_takes() -> None:
         show(ProgressStep("writing"))
         until(lines, len(lines) + 2)
     assert lines[0].startswith("loading libraries")
-    assert any(line.startswith("tracing, 9 rays, about ") and line.endswith(" s left") for line in lines)
+    assert "tracing, 9 rays, under 10 s left in this step" in lines
     assert lines[-1].startswith("writing")
     assert not any("note" in line for line in lines)
 
@@ -69,14 +74,16 @@ def test_the_time_left_is_of_this_stage_and_of_what_it_has_done(monkeypatch: pyt
 
     with ProgressLines(lines.append).running() as show:
         assert said(0, ProgressStep("slow", 0, 4)) == "slow"
-        assert said(100, ProgressStep("slow", 1, 4)) == "slow, about 5 min left"
+        assert said(100, ProgressStep("slow", 1, 4)) == "slow, about 3 to 9 min left in this step"
         # A stage of as many parts: what the first one took says nothing of it.
         assert said(110, ProgressStep("fast", 0, 4)) == "fast"
-        assert said(112, ProgressStep("fast", 1, 4)) == "fast, about 6 s left"
+        assert said(114, ProgressStep("fast", 1, 4)) == "fast, up to 30 s left in this step"
         # A run that goes on has blocks that took no time: 10 of 20 were there, 5 took 50 s.
         assert said(200, ProgressStep("blocks", 10, 20)) == "blocks"
-        assert said(250, ProgressStep("blocks", 15, 20)) == "blocks, about 50 s left"
-        assert said(300, ProgressStep("writing")) == "writing"
+        assert said(250, ProgressStep("blocks", 15, 20)) == "blocks, about 50 s left in this step"
+        # A block that takes longer slows the rest.
+        assert said(300, ProgressStep("blocks", 15, 20)) == "blocks, about 2 min left in this step"
+        assert said(310, ProgressStep("writing")) == "writing"
         assert said(340, ProgressStep("reading")).startswith("reading")
 
 
@@ -91,11 +98,13 @@ def test_a_time_that_is_expected_is_told_and_runs_down(monkeypatch: pytest.Monke
         return lines[-1]
 
     with ProgressLines(lines.append).running() as show:
-        show(ProgressStep("planning", 0, 40, left=40.0))
+        show(ProgressStep("planning", time=TimeLeft(40, 35, 60, 60, whole=True)))
         assert said(0) == "planning, about 40 s left"
-        assert said(30) == "planning, about 10 s left"
+        assert said(30) == "planning, up to 30 s left"
         # Nothing is promised that did not hold.
         assert said(60) == "planning, takes longer than expected"
+        show(ProgressStep("rendering", time=TimeLeft.within(40)))
+        assert said(60) == "rendering, about 20 to 80 s left in this step"
 
 
 def test_no_slow_library_is_loaded_before_progress_is_shown() -> None:
@@ -162,7 +171,7 @@ def test_a_counted_stage_and_one_with_an_expected_time_are_named_once_soon(monke
     assert kinds[0] == "loading libraries"
     assert kinds[1].startswith("#/# shadows on knot")
     assert kinds[2].startswith("#/# cole: term #/#, restart #/#")
-    assert lines[3] == "rendering, about 40 s left"
+    assert lines[3] == "rendering, about 20 to 80 s left in this step"
 
 
 def test_a_short_command_and_one_that_answers_in_json_say_nothing(
@@ -217,7 +226,7 @@ def test_a_run_with_an_expected_time_prints_one_time_and_keeps_it_during_its_fit
     lines: list[str] = []
     with ProgressLines(lines.append).running() as show:
         steps = ProgressSteps(show)
-        steps.run("paint: mccool", 0, 4, left=80)
+        steps.run("paint: mccool", 0, 4, TimeLeft(80, 70, 90, 90, whole=True))
         now[0] = 30
         steps(FitProgress(2, 2, 1, 1, 7, math.inf))
         until(lines, len(lines) + 2)
@@ -227,7 +236,7 @@ def test_a_run_with_an_expected_time_prints_one_time_and_keeps_it_during_its_fit
         now[0] = 90
         steps.run("paint: search", 1, 4)
         until(lines, len(lines) + 2)
-        assert lines[-1] == "2/4 paint: search, about 3 min left"
+        assert lines[-1] == "2/4 paint: search, about 1 to 6 min left in this step"
 
 
 def test_a_chart_expects_one_time_for_all_its_runs(tmp_path: Path) -> None:
@@ -235,22 +244,46 @@ def test_a_chart_expects_one_time_for_all_its_runs(tmp_path: Path) -> None:
     chart("material:lafortune-clay", tmp_path, ["mccool"], sizes=[2, 3], progress=steps.append)
     runs = [step for step in steps if re.match(r"\d/2 ", step.stage)]
     assert {step.stage[:3] for step in runs} == {"1/2", "2/2"}
-    assert all(step.left is not None and "left" not in step.stage for step in runs)
+    assert all(step.time is not None and step.time.whole and "left" not in step.stage for step in runs)
+
+
+def test_a_comparison_expects_one_time_for_all_its_fits_and_begins_every_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first fits take as long as modelled, those of the other method ten times as long."""
+    now = [0.0]
+    monkeypatch.setattr("homofact.evaluation.estimate.time", SimpleNamespace(monotonic=lambda: now[0]))
+    monkeypatch.setattr("homofact.evaluation.estimate.fit_seconds", lambda *_: 20.0)
+    fit = repeats.fit_and_measure
+
+    def fitted(source: Any, settings: Any, *given: Any) -> Any:
+        now[0] += 20.0 if settings.size == 2 else 200.0
+        return fit(source, settings, *given)
+
+    monkeypatch.setattr(repeats, "fit_and_measure", fitted)
+    told: list[ProgressStep] = []
+    methods = {"quick": McCool(size=2), "slow": Svd(size=3)}
+    compare("material:lafortune-clay", methods, splits=3, progress=told.append)
+    runs = [step for step in told if re.match(r"\d/6 ", step.stage)]
+    assert [step.stage for step in runs] == [
+        f"{number + 1}/6 {'quick' if number < 3 else 'slow'}" for number in range(6)
+    ]
+    assert [step.left for step in runs] == pytest.approx([120, 100, 80, 60, 381, 195], rel=0.05)
+    assert all(step.time is not None and step.time.whole for step in runs)
+    assert [step.note for step in told if " fits" in step.note] == ["6 fits, about 60 s to 4 min"]
 
 
 def test_the_bar_of_a_terminal_shows_one_time(monkeypatch: pytest.MonkeyPatch) -> None:
     terminal = io.StringIO()
     screen = Screen(False, False)
     monkeypatch.setattr(screen, "_err", Console(file=terminal, force_terminal=True, width=120))
-    drawn = []
+    drawn: list[str] = []
     with screen.progress() as show:
         # Rich draws anew what has not begun twice a second.
-        for left in (40.0, None):
-            show(ProgressStep("1/9 paint", 0, 9, "7 evaluations", left=left))
+        for left in (TimeLeft(40, 35, 50, 50, whole=True), None):
+            show(ProgressStep("1/9 paint", 0, 9, "7 evaluations", time=left))
             time.sleep(0.8)
             # A terminal shows the last of the drawings, each of which goes back to the start of its line.
             drawn.append(Text.from_ansi(terminal.getvalue()).plain.splitlines()[-1])
-    # Beside the time that has passed, the one that is expected, or else rich's own, which knows nothing yet.
+    # Beside the time that has passed, the one that is expected, or else none.
     assert drawn[0].count("about 40 s left") == 1
-    assert [len(re.findall(r"\d:\d\d:\d\d|-:--", line)) for line in drawn] == [1, 2]
+    assert [len(re.findall(r"\d:\d\d:\d\d|-:--", line)) for line in drawn] == [1, 1]
     assert "left" not in drawn[1]

@@ -1,5 +1,6 @@
 """How long stages of relighting are expected to take: laws of the estimate, and that every long stage announces one."""
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +13,16 @@ from torch import Tensor
 from homofact.api.progress import ProgressStep
 from homofact.api.relighting import relight
 from homofact.brdf.analytic import Lambert
+from homofact.meshes.shapes import sphere
 from homofact.relighting import expected
-from homofact.relighting.expected import error_seconds, evaluation_seconds, factoring_seconds, planning_seconds
+from homofact.relighting.expected import (
+    error_seconds,
+    evaluation_seconds,
+    factoring_seconds,
+    planning_seconds,
+    reference_seconds,
+    whole_picture_seconds,
+)
 
 MATT = Lambert((0.5, 0.5, 0.5))
 
@@ -44,17 +53,41 @@ def slow(monkeypatch: pytest.MonkeyPatch) -> Any:
 
 def test_the_cost_of_a_pair_is_measured(slow: Any) -> None:
     assert evaluation_seconds(slow) == pytest.approx(1e-6)
-    assert slow.pairs == 2 * expected._PROBED
+    # One call warms up; the others take 0.05 s together.
+    assert slow.pairs == (1 + math.ceil(0.05 / 1e-6 / expected._PROBED)) * expected._PROBED
+
+
+def test_a_probe_that_is_interrupted_once_changes_the_cost_little(slow: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    evaluate, calls = slow.evaluate, []
+
+    def interrupted(wi: Tensor, wo: Tensor) -> Tensor:
+        calls.append(len(wi))
+        slow.clock[0] += 0.01 if len(calls) == 5 else 0.0
+        return evaluate(wi, wo)
+
+    monkeypatch.setattr(slow, "evaluate", interrupted)
+    assert 1e-6 < evaluation_seconds(slow) < 1.4e-6
 
 
 def test_expected_seconds_follow_the_work(slow: Any) -> None:
-    assert factoring_seconds(slow) == pytest.approx(8.0)
+    assert factoring_seconds(slow) == pytest.approx(11.0)
     assert planning_seconds(slow) == pytest.approx(15.0)
     quick = error_seconds(slow, 64, 64, False)
     assert quick == pytest.approx(2 * 64 * 6 * 64**2 * 1.3e-6)
     assert error_seconds(slow, 128, 64, False) == pytest.approx(2 * quick)
     assert error_seconds(slow, 64, 128, False) == pytest.approx(4 * quick)
     assert error_seconds(slow, 64, 64, True) > 10 * quick
+    # The error sums at vertices and at as many pixels.
+    assert whole_picture_seconds([slow, slow], 128, 64) == pytest.approx(quick)
+
+
+def test_the_reference_is_summed_at_the_vertices_that_face_the_eye(slow: Any) -> None:
+    ball = sphere()
+    above = reference_seconds([(slow, ball)], (0.0, 100.0, 0.0), 8)
+    half = (ball.normals[:, 1] > 0).sum() * 6 * 8**2 * 1.3e-6
+    assert above == pytest.approx(half, rel=0.1)
+    assert reference_seconds([(slow, ball)] * 2, (0.0, 100.0, 0.0), 8) == pytest.approx(2 * above)
+    assert reference_seconds([(slow, ball)], (0.0, 0.0, 0.0), 8) < 0.1 * above
 
 
 @pytest.mark.usefixtures("decomposed_once")
