@@ -23,6 +23,10 @@ if TYPE_CHECKING:
 
 _FEW = 64  # samples of a model, which nothing here looks at
 _SIZE = 384  # of a sphere's picture
+_BLURRED = (
+    "the sun of this sky has blurred shadows with dark spots, because the scene was relit without suns or lamps:"
+    " relight it under this sky for sharp ones"
+)
 
 
 @dataclass(frozen=True)
@@ -200,6 +204,7 @@ def _lit_scene(drawn: Any, settings: RenderSettings, steps: ProgressSteps) -> "t
     if place is None and not callable(getattr(drawn, "lit", None)):
         return None
 
+    from homofact.relighting.map_sun import separate_sun
     from homofact.relighting.relit_mesh import RelitMesh
     from homofact.relighting.result import RelightResult, open_relit
     from homofact.scene.cameras import camera_on, chosen_camera
@@ -216,6 +221,8 @@ def _lit_scene(drawn: Any, settings: RenderSettings, steps: ProgressSteps) -> "t
         environment = open_environment(settings.environment, "environment")
     steps.stage("lighting the objects")
     if isinstance(found, RelightResult):
+        if environment is not None and not found.has_sun_tables and separate_sun(environment)[1] is not None:
+            steps.note(_BLURRED)
         camera = chosen_camera(found.cameras, settings.camera)
         return (found.name if place is None else str(place)), found.lit(environment), camera
     if settings.camera is not None:

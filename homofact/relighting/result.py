@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,7 @@ from homofact.relighting.harmonic import Harmonic
 from homofact.relighting.lamps import Lamp
 from homofact.relighting.lit import LitObject
 from homofact.relighting.lit_scene import LitScene
+from homofact.relighting.map_sun import separate_sun
 from homofact.relighting.page.skies import PageSky, page_sky
 from homofact.relighting.plan import ObjectPlan
 from homofact.relighting.relight import Light, opened_light
@@ -131,7 +132,8 @@ class RelightResult:
     def lit(self, light: EnvironmentMap | None = None) -> LitScene:
         """Return the scene under its own light with its suns, or under another one without them.
 
-        The scene's lamps shine in both. A scene from a folder has its environment map at the folder's resolution,
+        The scene's lamps shine in both. A sun in the other map becomes a light of its own, if the scene has suns or
+        lamps and so the tables for them. A scene from a folder has its environment map at the folder's resolution,
         which is lower behind the objects. Raises BadInput for a map that cannot light the scene.
 
         Examples
@@ -141,9 +143,28 @@ class RelightResult:
         """
         meshes = [each.mesh for each in self.objects]
         if light is not None:
-            return LitScene(meshes, self._lit(light, suns=False), light)
+            rest, sun = separate_sun(light)
+            if sun is None or not self.has_sun_tables:
+                return LitScene(meshes, self._lit(light, suns=False), light)
+            return LitScene(meshes, replace(self, objects=self._under(sun))._lit(rest, suns=True), rest)
         background = self.sky.environment() if self.light is None else self.light
         return LitScene(meshes, self._lit(self.sky.cube.astype(float), suns=True), background)
+
+    @property
+    def has_sun_tables(self) -> bool:
+        """Whether the scene has suns or lamps, so that the sun of another sky can be a light of its own."""
+        return all(each.sunlight is not None for each in self.objects)
+
+    def _under(self, sun: Sun) -> tuple[RelitObject, ...]:
+        """Return the objects under another sun. Of its shadows only those of pictures are right: they are traced."""
+        found = []
+        for each in self.objects:
+            own = each.sunlight
+            assert own is not None
+            lamps = own.seen[:, len(own.suns) :]
+            seen = np.concatenate((np.zeros_like(lamps, shape=(len(lamps), 1)), lamps), 1)
+            found.append(replace(each, sunlight=replace(own, suns=(sun,), seen=seen)))
+        return tuple(found)
 
     def _lit(self, light: EnvironmentMap | np.ndarray, suns: bool, lamps: bool = True) -> list[LitObject]:
         """Return each object under a light."""

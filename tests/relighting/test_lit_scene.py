@@ -8,6 +8,7 @@ import pytest
 from relighting.ball_scene import TEXT, read
 
 import homofact
+from homofact.api.progress import ProgressStep
 from homofact.errors import BadInput
 from homofact.relighting.build import open_relight_scene, relit_objects
 from homofact.relighting.relit_mesh import RelitMesh
@@ -85,6 +86,27 @@ def test_suns_shine_with_their_own_sky_only(tmp_path: Path) -> None:
     assert own.sum() > 1.5 * dark.sum()
     other, same = (each.lit(named_environment("uniform")).radiance(camera)[0] for each in scenes)
     assert other == pytest.approx(same, rel=1e-6)
+
+
+def test_the_sun_of_another_sky_is_a_light_of_its_own_where_the_scene_has_tables(tmp_path: Path) -> None:
+    sky = Path(__file__).resolve().parents[2] / "data_synthetic" / "sky.hdr"
+    own = TEXT.replace('named = "studio"', f'environment = "{sky}"')
+    (tmp_path / "own").mkdir()
+    read(tmp_path / "own", own)
+    wanted = homofact.relight(tmp_path / "own" / "scene.toml", vertices=0).pictures[0]
+    sun = "[[sun]]\ndirection = [0.5, 1, 0.3]\nirradiance = [9, 9, 9]\n"
+    notes: dict[str, list[str]] = {}
+    found = {}
+    for name, more in (("sun", sun), ("none", "")):
+        (tmp_path / name).mkdir()
+        read(tmp_path / name, TEXT + more)
+        scene = homofact.relight(tmp_path / name / "scene.toml", vertices=0)
+        told: list[ProgressStep] = []
+        found[name] = homofact.render(scene, environment=sky, progress=told.append).pixels
+        notes[name] = [step.note for step in told if step.note]
+    assert apart(found["sun"], wanted) <= 1
+    assert apart(found["none"], wanted) > 10
+    assert [len(notes["sun"]), len(notes["none"])] == [0, 1]
 
 
 def test_exposure_size_and_target_are_those_asked_for(made: tuple[RelightResult, Path], tmp_path: Path) -> None:
