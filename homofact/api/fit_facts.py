@@ -7,7 +7,8 @@ from homofact.api.loading import load
 from homofact.api.subjects import GivenFit
 from homofact.brdf.source_names import DISMISSED
 from homofact.errors import BadInput
-from homofact.evaluation.wording import light_by_incidence
+from homofact.evaluation.wording import figure, light_by_incidence
+from homofact.exporting.result import read_record
 from homofact.factor.edited import edits_in_words
 from homofact.factor.fixed_projections import EDITS
 from homofact.files.kinds import EXPORT, FACTORIZATION
@@ -15,6 +16,7 @@ from homofact.files.kinds import EXPORT, FACTORIZATION
 if TYPE_CHECKING:
     from homofact.api.result import Fit
 
+_PARTS = {"held_out": "held out", "train": "training", "test": "all samples"}
 _LARGEST = 75.0  # θi in degrees up to which albedos are stated
 
 
@@ -68,6 +70,10 @@ def fit_facts(place: Path) -> tuple[str, dict[str, Any], dict[str, Any]] | None:
     if said is not None:
         facts["verdict"] = said
         rows["verdict"] = said["summary"]
+    errors = read_record(place).get("error")
+    if isinstance(errors, dict):
+        facts["error"] = errors
+        rows |= {f"error, {_PARTS[part]}": _errors_in_words(errors[part]) for part in _PARTS if part in errors}
     light = _light_over_samples(verdict)
     if light:
         facts["light_over_samples"] = light
@@ -91,6 +97,14 @@ def fit_facts(place: Path) -> tuple[str, dict[str, Any], dict[str, Any]] | None:
                 stated += f"; {bar.unmeasured:.0%} of it leaves in directions without measurements"
             rows[f"total reflected light at {bar.degrees[0]:.0f}°"] = stated
     return place.name, rows, facts
+
+
+def _errors_in_words(errors: dict[str, Any]) -> str:
+    """Return the mean errors on a part of the samples: log mse, log mae and mae."""
+    names = {"log_mse": "log mse", "log_mae": "log mae", "mae": "mae"}
+    units = {"mae": " sr⁻¹"}
+    found = (f"{words} {figure(errors[name])}{units.get(name, '')}" for name, words in names.items() if name in errors)
+    return ", ".join(found)
 
 
 def _mended(source: dict[str, Any]) -> list[str]:

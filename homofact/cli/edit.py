@@ -101,7 +101,7 @@ def _show_textures(found: "EditedTextures", out: Path, screen: Screen) -> None:
     if made.row is not None:
         say_ending(screen, made.row.report)
     elif made.rms > MUCH and "solve" in found.report["way"]:
-        screen.note("homofact: --way texture leaves less, with one more texture and fetch")
+        screen.note("homofact: --way texture has a smaller error; it adds one texture and one fetch")
     if not screen.quiet:
         screen.show(
             hanging(f"{found.material}: {made.words()}", 2),

@@ -127,5 +127,5 @@ def light_lines(rows: "Sequence[FitRow]") -> list[str]:
     if some := without_light(rows):
         return [f"{columns} leave out {', '.join(some)}. {_IN_ALL_DIRECTIONS}"]
     if names.isdisjoint(_LIGHT) and not names.isdisjoint(_LIMITS):
-        return [f"Not shown: {columns}. {_IN_ALL_DIRECTIONS}"]
+        return [f"Not measured: {columns}. {_IN_ALL_DIRECTIONS}"]
     return []

@@ -215,3 +215,12 @@ def test_printed_facts_are_lines_of_the_rows(tmp_path: Path) -> None:
     line = next(line for line in str(plan).splitlines() if line.startswith("material phong-10: "))
     assert f"{chosen['choice']['bytes']} bytes" in line
     assert any(line.startswith("verdict on phong-10: ") for line in str(plan).splitlines())
+
+
+def test_the_errors_of_a_fit_are_those_of_its_report(tmp_path: Path) -> None:
+    found = homofact.factorize("material:phong-10", tmp_path / "fit", homofact.McCool(size=4))
+    rows = homofact.info(tmp_path / "fit").rows
+    for part, words in (("held_out", "held out"), ("train", "training")):
+        assert f"log mse {found.report['error'][part]['log_mse']:.3g}" in rows[f"error, {words}"]
+    found.fit.save(tmp_path / "alone.npz")
+    assert not any(name.startswith("error") for name in homofact.info(tmp_path / "alone.npz").rows)

@@ -65,8 +65,8 @@ class Artefact:
         """A phrase that describes the artefact, for messages."""
         light = "bright" if self.bright else "dark"
         return (
-            f"a {light} {self.kind.value} {self.where} ({self.size:.0%} of white over {self.area:.1%} of"
-            f" {_PICTURES[self.view]})"
+            f"a {light} {self.kind.value} {self.where} ({self.size:.0%} of white too {light}, on {self.area:.1%}"
+            f" of {_PICTURES[self.view]})"
         )
 
     def record(self) -> dict[str, Any]:
