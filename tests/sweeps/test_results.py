@@ -170,7 +170,7 @@ def test_medians_of_lists_of_samples_have_the_limits_of_their_verdicts() -> None
     # Rounded up; the median of a known and an unknown limit is unknown.
     assert line.split()[3:] == ["2", "of", "2", "12288", "5.5", "0.0123", "3.1%", "unknown", "×5.5"]
     (said,) = light_lines(lists)
-    assert said.startswith("Not shown: albedo, highlight and sky dB. These compare fit and source in all directions")
+    assert said.startswith("Not measured: albedo, highlight and sky dB. These compare fit and source in all directions")
 
 
 def test_medians_of_mixed_sources_have_the_limits_in_a_second_table() -> None:
