@@ -20,7 +20,7 @@ from homofact.planning.material_fits import MaterialFits
 
 # Fits per material with textures, and those of a larger step: the usual number, the least and the most
 # (scripts/planning/planner_blind.py).
-TEXTURED, LARGER = (2, 0, 12), (1, 0, 3)
+TEXTURED, LARGER = (2, 0, 16), (1, 0, 3)
 # Seconds of a fit of a material that has not been read, and of a model.
 _UNREAD, _MODEL = 2.0, 0.5
 _Further = tuple[str, float, float, float]

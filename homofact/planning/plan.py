@@ -263,7 +263,7 @@ def plan_scene(
     """
     used = replace(FitOptions() if options is None else options, seed=scene.seed)
     known = {} if fits_by_source is None else fits_by_source
-    clock = PlanClock(lambda words, spent, left: None) if clock is None else clock
+    clock = PlanClock(lambda words, left: None) if clock is None else clock
     distinct_keys = {material.key for material in scene.materials}
     trusted = any(scene.tolerance_of(material).trusted for material in scene.materials)
     clock.expect(len(distinct_keys), len(distinct_keys) if larger else 0, trusted)

@@ -124,7 +124,7 @@ def test_what_fits_take_corrects_the_rest(now: list[float]) -> None:
     now[0] = 10.0  # five times as long as modelled: (10 + 1)/(2 + 1), and of what two fits take
     found.asking(SECOND, None)
     assert said[-1][1].seconds == pytest.approx(11 / 3 * (2.0 + 1 * 2.0))
-    assert said[-1][1].most < 2 * 11 / 3 * (2.0 + 11 * 2.0)
+    assert said[-1][1].most < 2 * 11 / 3 * TEXTURED[2] * 2.0
     now[0] = 20.0
     found.larger("fitting one step larger for own")
     assert said[-1][1].seconds == pytest.approx(21 / 5 * LARGER[0] * 2.0)
