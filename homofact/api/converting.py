@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 from homofact.api.places import check_file, check_result
 from homofact.api.progress import Progress, ProgressSteps
 from homofact.api.subjects import Place, given_source, open_given
-from homofact.brdf.source_names import DEFAULT_CALIBRATE, DEFAULT_COUNT, DEFAULT_SCHEME
+from homofact.brdf.source_names import DEFAULT_CALIBRATE, DEFAULT_COUNT, DEFAULT_SCHEME, as_names
 from homofact.errors import Advice, BadInput
 from homofact.files.atomic import replace_file
 from homofact.sections import SourceSettings
@@ -80,11 +80,11 @@ def convert(
     to: Place,
     *,
     form: str | None = None,
-    undo: Sequence[str] = (),
+    undo: Sequence[str] | str = (),
     channels: str = "rgb",
     count: int = DEFAULT_COUNT,
     scheme: str = DEFAULT_SCHEME,
-    calibrate: Sequence[str] = DEFAULT_CALIBRATE,
+    calibrate: Sequence[str] | str = DEFAULT_CALIBRATE,
     seed: int = 0,
     force: bool = False,
     progress: Progress | None = None,
@@ -101,13 +101,13 @@ def convert(
     form : str, optional
         Selects the format if two formats share an extension: "zemax" for .bsdf, "tree" (tensor tree) for .xml. Default:
         RGL for .bsdf, Klems bands for .xml.
-    undo : sequence of str, optional
+    undo : str or sequence of str, optional
         Conventions to undo, as `info` names them: "cosine-o", "srgb", "elevation" and others. Not for tables.
     channels : str, optional
         "rgb", "luminance", "spectral", or one channel's name.
     count, scheme : int and str, optional
         Number of pairs of directions to draw from a model or a fit, and the sampling scheme.
-    calibrate : sequence of str, optional
+    calibrate : str or sequence of str, optional
         Faults of the instrument to undo, as for `read`.
     seed : int, optional
         Seed of the drawn pairs.
@@ -133,7 +133,7 @@ def convert(
     >>> found.format, len(homofact.read("phong.csv").samples)
     ('csv', 100)
     """
-    settings = SourceSettings(None, channels, count, scheme, tuple(calibrate))
+    settings = SourceSettings(None, channels, count, scheme, as_names(calibrate))
     given = _given(source)
     target = Path(to)
     check_file(target, *ENDINGS)
@@ -144,7 +144,7 @@ def convert(
     from homofact.brdf.quality.mending import mending_lines
     from homofact.brdf.quality.suspicion.undo import names_in, undone
 
-    names = names_in(",".join(undo))
+    names = names_in(undo if isinstance(undo, str) else ",".join(undo))
     if names and target.suffix.lower() not in _SAMPLES:
         raise BadInput(where="undo", found=f"it with {target}", expected="a file of samples (.csv, .npz or .dat)")
     steps = ProgressSteps(progress)

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from homofact.brdf.source import Source, source_of
-from homofact.brdf.source_names import DEFAULT_CALIBRATE, DEFAULT_COUNT, DEFAULT_SCHEME
+from homofact.brdf.source_names import DEFAULT_CALIBRATE, DEFAULT_COUNT, DEFAULT_SCHEME, as_names
 
 
 def read(
@@ -14,9 +14,9 @@ def read(
     count: int = DEFAULT_COUNT,
     scheme: str = DEFAULT_SCHEME,
     seed: int = 0,
-    calibrate: Sequence[str] = DEFAULT_CALIBRATE,
+    calibrate: Sequence[str] | str = DEFAULT_CALIBRATE,
     clipped: float | str | None = None,
-    dismiss: Sequence[str] = (),
+    dismiss: Sequence[str] | str = (),
 ) -> Source:
     """Read a measurement, or draw samples of a material, a reflectance or a function.
 
@@ -53,6 +53,6 @@ def read(
     ('Y',)
     """
     return source_of(
-        source, channels=channels, count=count, scheme=scheme, seed=seed, calibrate=calibrate, clipped=clipped,
-        dismiss=dismiss,
+        source, channels=channels, count=count, scheme=scheme, seed=seed, calibrate=as_names(calibrate),
+        clipped=clipped, dismiss=as_names(dismiss),
     )  # fmt: skip

@@ -30,6 +30,7 @@ from homofact.brdf.source_names import (
     DISMISSED,
     GAINS,
     MATERIAL_PREFIX,
+    as_names,
 )
 from homofact.brdf.symmetry import find_symmetry
 from homofact.errors import BadInput
@@ -220,8 +221,8 @@ def open_source(
     Raises BadInput for an unknown material, faults of a file, channels that the source does not have, and repairs that
     this kind of source does not support.
     """
-    checked = (dismiss,) if isinstance(dismiss, str) else tuple(dismiss)
-    return Opening(text, channels, count, scheme, seed, "", tuple(calibrate), clipped, checked).open()
+    repairs = as_names(calibrate)
+    return Opening(text, channels, count, scheme, seed, "", repairs, clipped, as_names(dismiss)).open()
 
 
 def _mended(

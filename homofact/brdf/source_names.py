@@ -1,5 +1,7 @@
 """The names of channels, schemes and materials, without their code, so that checks and help do not import torch."""
 
+from collections.abc import Sequence
+
 CHANNELS = ("rgb", "spectral", "luminance")
 SCHEMES = ("lobe", "discs", "cosine", "grid")
 DEFAULT_SCHEME = "lobe"
@@ -20,3 +22,8 @@ DEFAULT_CALIBRATE = (AUTOMATIC,)
 DISMISSED = "dismissed"  # in the provenance of samples: the suspicions that somebody has checked
 ALL_DISMISSED = "all"
 MOST = 80.0  # logarithms above it are cut: e⁸⁰ is the largest power that float32 holds
+
+
+def as_names(given: str | Sequence[str]) -> tuple[str, ...]:
+    """Return names as a tuple; a text is one name, and not its letters."""
+    return (given,) if isinstance(given, str) else tuple(given)

@@ -154,3 +154,24 @@ def test_what_is_no_method_and_no_path_is_refused() -> None:
         homofact.read(MODEL, channels="luminance")
     with pytest.raises(BadInput, match="calibrate, clipped, dismiss: found Phong"):
         homofact.read(MODEL, clipped=1.0)
+
+
+def test_one_convention_to_undo_needs_no_list(tmp_path: Path) -> None:
+    """The letters of a name are no names."""
+    source = tmp_path / "a.csv"
+    homofact.convert("material:phong-10", source, count=300)
+    for name, undo in (("one", "cosine-o"), ("list", ["cosine-o"])):
+        homofact.convert(source, tmp_path / f"{name}.csv", undo=undo)
+    assert (tmp_path / "one.csv").read_text() == (tmp_path / "list.csv").read_text() != source.read_text()
+
+
+def test_one_repair_needs_no_list(tmp_path: Path) -> None:
+    source = tmp_path / "a.csv"
+    homofact.convert("material:phong-10", source, count=300)
+    one, several = (homofact.read(source, calibrate=asked).samples for asked in ("rows", ["rows"]))
+    assert "rows" in one.provenance["gains"]
+    assert torch.equal(one.values, several.values)
+    homofact.convert(source, tmp_path / "b.csv", calibrate="rows")
+    with pytest.raises(BadInput) as error:
+        homofact.read(source, calibrate="row")
+    assert "'row'" in str(error.value)
