@@ -26,6 +26,7 @@ OWN: dict[str, tuple[str, str]] = {
     "search.effort": ("1234.5", "1234.5"),
     "svd.decomposition": ("power", '"power"'),
     "search.confidence": ("on", "true"),
+    "search.bytes": ("6000", "6000"),
     "cole.joint_terms": ("1", "1"),
     "source.path": ("material:phong-10", '"material:phong-10"'),
     "source.channels": ("550nm", '"550nm"'),

@@ -257,7 +257,8 @@ class ErrorBars:
 
     def _reach(self, run: Sequence[ErrorBar]) -> str:
         """Return the angles of a run; the first and the last of all angles include what is measured beyond them."""
-        low, high = self.bars[0].degrees
+        whole = self.bars[0] if self.bars else None
+        low, high = (run[0].degrees[0], run[-1].degrees[1]) if whole is None else whole.degrees
         first = low if run[0] is self.by_angle[0] else run[0].degrees[0]
         last = high if run[-1] is self.by_angle[-1] else run[-1].degrees[1]
         return f"{first:.0f}°" if round(first) == round(last) else f"{first:.0f}–{last:.0f}°"

@@ -56,8 +56,7 @@ def fit_notes(made: Exported) -> str:
     edits = edits_in_words(made.stored.provenance)
     notes = []
     if edits:
-        against = "Figures below compare with the edited material, not with a measurement"
-        notes.append(f"The fit was edited: {in_markdown(edits)}. {against}.")
+        notes.append(f"The fit was edited: {in_markdown(edits)}. The errors that it had before the edit come on top.")
     if made.verdict is not None:
         notes.append(f"homofact's verdict on the fit: {in_markdown(made.verdict['summary'])}.")
     return "".join(f"\n\n{note}" for note in notes)

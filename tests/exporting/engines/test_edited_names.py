@@ -70,7 +70,7 @@ def test_a_package_of_an_edited_fit_lies_beside_that_of_its_original() -> None:
 @pytest.mark.parametrize("engine", ["three", "blender", "gltf", "godot", "materialx"])
 def test_the_readme_names_the_edits_as_info_does(engine: str) -> None:
     edited, before = texts(engine, GOLD | {"edits": EDITS})["README.md"], texts(engine, GOLD)["README.md"]
-    assert f"\n\nThe fit was edited: {WORDS}. Its errors before the edit come on top.\n\n" in edited
+    assert f"\n\nThe fit was edited: {WORDS}. The errors that it had before the edit come on top.\n\n" in edited
     assert "edited gold" in edited or "homofact-edited-gold" in edited
     assert "edited" not in before
 
