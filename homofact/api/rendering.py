@@ -23,9 +23,9 @@ if TYPE_CHECKING:
 
 _FEW = 64  # samples of a model, which nothing here looks at
 _SIZE = 384  # of a sphere's picture
-_BLURRED = (
-    "the sun of this sky has blurred shadows with dark spots, because the scene was relit without suns or lamps:"
-    " relight it under this sky for sharp ones"
+_SUN_IN_MAP = (
+    "the sun stays in the map of this sky: its shadows are blurred and may have dark spots; in a scene that is relit"
+    " under this sky it is a light of its own"
 )
 
 
@@ -204,7 +204,6 @@ def _lit_scene(drawn: Any, settings: RenderSettings, steps: ProgressSteps) -> "t
     if place is None and not callable(getattr(drawn, "lit", None)):
         return None
 
-    from homofact.relighting.map_sun import separate_sun
     from homofact.relighting.relit_mesh import RelitMesh
     from homofact.relighting.result import RelightResult, open_relit
     from homofact.scene.cameras import camera_on, chosen_camera
@@ -221,15 +220,15 @@ def _lit_scene(drawn: Any, settings: RenderSettings, steps: ProgressSteps) -> "t
         environment = open_environment(settings.environment, "environment")
     steps.stage("lighting the objects")
     if isinstance(found, RelightResult):
-        if environment is not None and not found.has_sun_tables and separate_sun(environment)[1] is not None:
-            steps.note(_BLURRED)
-        camera = chosen_camera(found.cameras, settings.camera)
-        return (found.name if place is None else str(place)), found.lit(environment), camera
-    if settings.camera is not None:
+        name, camera = found.name, chosen_camera(found.cameras, settings.camera)
+    elif settings.camera is not None:
         raise BadInput(where="camera", found="it with a mesh", expected="an eye, or a scene with cameras")
-    if environment is not None:
-        found.relight(environment)
-    return found.mesh.name, found.lit(), camera_on(found.mesh.positions)
+    else:
+        name, camera = found.mesh.name, camera_on(found.mesh.positions)
+    lit = found.lit(environment)
+    if lit.has_sun_in_map:
+        steps.note(_SUN_IN_MAP)
+    return (name if place is None else str(place)), lit, camera
 
 
 def _scene_picture(
@@ -246,8 +245,8 @@ def _scene_picture(
     )
     steps.stage("rendering")
     radiance, coverage = lit.radiance(camera)
-    picture = shown_scene(radiance, coverage, lit.background, settings.exposure, settings.tonemap)
-    return words, picture, lit.background.describe()
+    picture = shown_scene(radiance, coverage, lit.describe(), settings.exposure, settings.tonemap)
+    return words, picture, lit.describe()
 
 
 def _is_fit(drawn: Any) -> bool:

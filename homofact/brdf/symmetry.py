@@ -108,8 +108,8 @@ class Swapped:
     paired: Tensor
 
 
-def swapped_neighbours(samples: Samples, seed: int = 0) -> Swapped:
-    """Find the sample within 1° of each sample's swapped directions, for at most 20 000 samples drawn by `seed`.
+def swapped_neighbours(samples: Samples, seed: int = 0, near: float = _NEAR) -> Swapped:
+    """Find the sample within `near` (1°) of each sample's swapped directions, for at most 20 000 drawn by `seed`.
 
     Pairs that swapping hardly changes (θi = θo within 1°) carry no information and count as not found.
     """
@@ -121,7 +121,7 @@ def swapped_neighbours(samples: Samples, seed: int = 0) -> Swapped:
     else:
         here, there = torch.cat((wi, wo), 1), torch.cat((wo, wi), 1)
     tree = tree_of(here.numpy())
-    distance, nearest = tree.query(there.numpy(), distance_upper_bound=_NEAR)
+    distance, nearest = tree.query(there.numpy(), distance_upper_bound=near)
     paired = torch.from_numpy(np.isfinite(distance)) & ((here - there).norm(dim=1) > 2 * _NEAR)
     return Swapped(chosen, tree, here, torch.from_numpy(np.asarray(nearest)), paired)
 

@@ -65,19 +65,20 @@ def drawn_sphere(
 
 
 def shown_scene(
-    radiance: np.ndarray, coverage: np.ndarray, light: EnvironmentMap, stops: float = 0.0, curve: str = DEFAULT_CURVE
+    radiance: np.ndarray, coverage: np.ndarray, light: str, stops: float = 0.0, curve: str = DEFAULT_CURVE
 ) -> LitPicture:
-    """Tone-map the radiance (H, W, 3) of a scene in front of its light, as `tonemap_scene`."""
+    """Tone-map the radiance (H, W, 3) of a scene in front of its `light`, in words, as `tonemap_scene`."""
     shown, factor = tonemap_scene(torch.from_numpy(radiance), torch.from_numpy(coverage), stops=stops, curve=curve)
     report = PictureReport(factor, shown.clipped, curve)
     return LitPicture(shown.pixels.numpy(), report, caption(light, report))
 
 
-def caption(light: Light | Sequence[Light], report: PictureReport) -> str:
+def caption(light: str | Light | Sequence[Light], report: PictureReport) -> str:
     """Return a caption with light, exposure, white point, curve, and the share of clipped pixels."""
     lights = [light] if isinstance(light, DirectionalLight | EnvironmentMap) else light
+    words = lights if isinstance(lights, str) else "; ".join(light.describe() for light in lights)
     return (
-        f"Light: {'; '.join(light.describe() for light in lights)}. Exposure {report.exposure:.4g}, linear sRGB, white"
+        f"Light: {words}. Exposure {report.exposure:.4g}, linear sRGB, white"
         f" point D65, {curve_in_words(report.curve)} curve. Pixels clipped to the gamut: {report.clipped:.1%}."
     )
 

@@ -23,9 +23,7 @@ frame as the Python code. All angles use atan2: in float32, acos loses half of t
 drivers compute it inaccurately. All angles of a fit are computed together, by one vector function. If φd and |φi − φo|
 are both needed, they share (s × e).z = −2 (ωi × ωo).z.
 
-With its sign, over the whole circle ("azimuth_d"), φd is atan2((s × e).z, −e.z |s|), and φh is atan2(s.y, s.x). The
-largest θd at which both directions are above the horizon ("reach_d") is atan2(cosθh, sinθh |cosφd|) = atan2(s.z, |s.xy|
-|cosφd|).
+With its sign, over the whole circle ("azimuth_d"), φd is atan2((s × e).z, −e.z |s|), and φh is atan2(s.y, s.x).
 
 Direction maps of a separable fit come from parabolic coordinates p with r² = |p|²: orthographic (ωx, ωy) = 2p/(1 + r²),
 polar (atan2(p.y, p.x), √(1 − ωz)) with 1 − ωz = 2r²/(1 + r²).
@@ -42,8 +40,7 @@ from functools import lru_cache
 from homofact.geometry.expression import Expression, Let, call, variable, vector
 
 LEAST = 1e-6
-_TINY, _SMALL = 1e-20, 1e-30
-_AROUND = {"azimuth_d", "reach_d"}
+_TINY = 1e-20
 MAPS = ("parabolic", "orthographic", "polar")
 
 
@@ -70,15 +67,15 @@ def coordinates_of(used: frozenset[str]) -> Coordinates:
     statements: list[Let] = []
     axes: dict[str, Expression] = {}
     frame = {"h", "d"} & mapped
-    if frame | ({"theta_h", "theta_d", "phi_d", "phi_h"} | _AROUND) & used:
+    if frame | {"theta_h", "theta_d", "phi_d", "phi_h", "azimuth_d"} & used:
         along = vector(wi.xy + wo.xy, call("max", wi.z + wo.z, LEAST)) if frame else wi + wo
         statements.append(Let("s", along, "s points along the half vector, at right angles to e"))
-    if {"d"} & mapped | ({"theta_d", "phi_d"} | _AROUND) & used:
+    if {"d"} & mapped | {"theta_d", "phi_d", "azimuth_d"} & used:
         statements.append(Let("e", wi - wo))
     length = _lengths(
         {
-            "s": (s, frame | ({"theta_d", "phi_d"} | _AROUND) & used),
-            "s.xy": (s.xy, {"theta_h", "reach_d"} & used),
+            "s": (s, frame | {"theta_d", "phi_d", "azimuth_d"} & used),
+            "s.xy": (s.xy, {"theta_h"} & used),
             "s.yz": (s.yz, {"d"} & mapped),
             "e": (e, {"theta_d"} & used),
         },
@@ -118,7 +115,7 @@ def coordinates_of(used: frozenset[str]) -> Coordinates:
         statements.append(Let("across", across, "|(wi x wo).z|, half of |(s x e).z|"))
         across = variable("across", 1)
     around = variable("around", 2)
-    if _AROUND & used:
+    if "azimuth_d" in used:
         sides = vector(s.x * e.y - s.y * e.x, length["s"] * e.z * -1)
         statements.append(Let("around", sides, "of wi about h: across and along the plane of n and h"))
     parts = {
@@ -132,10 +129,6 @@ def coordinates_of(used: frozenset[str]) -> Coordinates:
         "delta_phi": lambda: (across, call("dot", wi.xy, wo.xy)),
         "phi_h": lambda: (s.y, s.x),
         "azimuth_d": lambda: (around.x, around.y),
-        "reach_d": lambda: (
-            s.z + length["s"] * LEAST,
-            length["s.xy"] * (call("abs", around.y) / call("sqrt", call("dot", around, around) + _SMALL)),
-        ),
     }
     turns = [axis for axis in parts if axis in used]
     for begin in range(0, len(turns), 4):

@@ -7,6 +7,7 @@ from homofact.relighting.lit_scene import LitScene
 from homofact.relighting.lobe import SeparateLobe
 from homofact.relighting.precompute import WaveletTransport
 from homofact.relighting.relight import Relit
+from homofact.rendering.light import EnvironmentMap
 
 
 class RelitMesh(Relit):
@@ -26,15 +27,14 @@ class RelitMesh(Relit):
         super().__init__(transport, lobe)
         self.mesh, self.notes, self.alone = mesh, notes, alone
 
-    def lit(self) -> LitScene:
-        """Return the mesh under its present light, for pictures.
+    def lit(self, light: EnvironmentMap | None = None) -> LitScene:
+        """Return the mesh under a light, for pictures, without a change of its own. Default: under its own light.
 
-        Raises BadInput if it has no light yet, if the light is not an environment map, and for a mesh among others.
+        Raises BadInput without a light that is an environment map, and for a mesh among others.
         """
         if not self.alone:
             raise BadInput(found="a mesh among others", expected="the scene of all of them: a scene file")
-        if self.environment is None:
+        shown = self.environment if light is None else light
+        if shown is None:
             raise BadInput(found="a mesh that no environment map lights", expected="a call of its method `relight`")
-        return LitScene(
-            (self.mesh,), (LitObject(self.transport, self.tuples, self.lobe, self._cells),), self.environment
-        )
+        return LitScene((self.mesh,), (LitObject.of(self.transport, None, self.lobe, shown),), shown)

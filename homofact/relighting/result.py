@@ -144,16 +144,11 @@ class RelightResult:
         meshes = [each.mesh for each in self.objects]
         if light is not None:
             rest, sun = separate_sun(light)
-            if sun is None or not self.has_sun_tables:
+            if sun is None or any(each.sunlight is None for each in self.objects):
                 return LitScene(meshes, self._lit(light, suns=False), light)
             return LitScene(meshes, replace(self, objects=self._under(sun))._lit(rest, suns=True), rest)
         background = self.sky.environment() if self.light is None else self.light
         return LitScene(meshes, self._lit(self.sky.cube.astype(float), suns=True), background)
-
-    @property
-    def has_sun_tables(self) -> bool:
-        """Whether the scene has suns or lamps, so that the sun of another sky can be a light of its own."""
-        return all(each.sunlight is not None for each in self.objects)
 
     def _under(self, sun: Sun) -> tuple[RelitObject, ...]:
         """Return the objects under another sun. Of its shadows only those of pictures are right: they are traced."""

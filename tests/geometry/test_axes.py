@@ -89,18 +89,6 @@ def test_angles(pairs: tuple[Tensor, Tensor]) -> None:
     assert 0 <= float(found["delta_phi"].min()) <= float(found["delta_phi"].max()) <= math.pi
 
 
-def test_the_largest_difference_angle_is_where_a_direction_meets_the_horizon() -> None:
-    wi, wo = RANDOM
-    theta_d, reach = axes_of(("theta_d", "reach_d"), wi, wo).unbind(1)
-    assert bool((theta_d <= reach + 1e-5).all())
-    # The pair opened about its half vector until it touches.
-    h = (wi + wo) / (wi + wo).norm(dim=1, keepdim=True)
-    side = (wi - wo) / (wi - wo).norm(dim=1, keepdim=True)
-    opened = [torch.cos(reach)[:, None] * h + sign * torch.sin(reach)[:, None] * side for sign in (1, -1)]
-    lowest = torch.minimum(opened[0][:, 2], opened[1][:, 2])
-    assert float(lowest.abs().max()) < 1e-5
-
-
 def test_at_normal_incidence_an_isotropic_coordinate_does_not_know_the_azimuth() -> None:
     normal = torch.tensor([[0.0, 0.0, 1.0]], dtype=torch.float64).expand(8, 3)
     phi = torch.linspace(-3, 3, 8, dtype=torch.float64)

@@ -16,11 +16,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import torch
 
 from homofact.brdf.quality.suspicion.evidence import Evidence, robust_fit
 from homofact.brdf.quality.suspicion.geometry import odd_columns
-from homofact.brdf.symmetry import angles_of_pairs, tree_of
+from homofact.brdf.symmetry import swapped_neighbours
 
 BINS = 18
 _FEWEST_RINGS, _FEWEST_ON_A_RING = 6, 12
@@ -104,13 +103,13 @@ def lone_ring(evidence: Evidence) -> RingStep | None:
 
     None if there are `FEW_RINGS` or more, whose steps show it, and if there are too few pairs.
     """
-    angles = angles_of_pairs(torch.from_numpy(evidence.wi), torch.from_numpy(evidence.wo)).numpy()
-    number, count = ring_numbers_of(angles[:, 0])
+    theta = np.arccos(np.clip(evidence.wi[:, 2], -1, 1))
+    number, count = ring_numbers_of(theta)
     if count >= FEW_RINGS:
         return None
-    distance, other = tree_of(angles).query(angles[:, [1, 0, 2]], distance_upper_bound=_NEAR)
-    one = np.flatnonzero(np.isfinite(distance))
-    two = np.asarray(other)[one]
+    swapped = swapped_neighbours(evidence.samples(), near=_NEAR)
+    one, two = (swapped.chosen[rows].numpy() for rows in (swapped.paired, swapped.nearest[swapped.paired]))
+    # Each pair once, of samples on two rings.
     kept = (one < two) & (number[one] != number[two]) & (number[one] >= 0) & (number[two] >= 0)
     one, two = one[kept], two[kept]
     members = np.eye(count)[number[one]] - np.eye(count)[number[two]]
@@ -120,9 +119,9 @@ def lone_ring(evidence: Evidence) -> RingStep | None:
     logs, weight = evidence.logs
     members = members[:, paired]
     gains, _, scale = robust_fit(members, logs[one] - logs[two], np.minimum(weight[one], weight[two]), _RIDGE)
-    rest = [np.delete(gains, ring) - np.median(np.delete(gains, ring)) for ring in range(len(gains))]
-    apart = [float(np.sqrt((each**2).mean())) for each in rest]
+    others = [np.delete(gains, ring) for ring in range(len(gains))]
+    apart = [float(np.sqrt(((each - np.median(each)) ** 2).mean())) for each in others]
     odd = int(np.argmin(apart))
     usual = math.hypot(apart[odd], scale / math.sqrt(np.count_nonzero(members[:, odd])))
-    at = math.degrees(float(angles[number == paired[odd], 0].mean()))
-    return RingStep("theta_i", at, float(gains[odd] - np.median(np.delete(gains, odd))), usual)
+    at = math.degrees(float(theta[number == paired[odd]].mean()))
+    return RingStep("theta_i", at, float(gains[odd] - np.median(others[odd])), usual)

@@ -46,11 +46,10 @@ def suspicions(samples: Samples, seed: int = 0) -> list[Suspicion]:
     dismissed = {*samples.provenance.get(DISMISSED, ()), *(("zeros",) if cut else ())}
     suspicions = _said(_without(dismissed, _COUNTED), evidence)
     suspicions += _said(_without(dismissed, _COLOURS), evidence)[:1]
-    lone = lone_ring(evidence)
-    ring = None if lone is None else CHECKS["ring"].of_figures(lone.figures)
-    if lone is not None and ring is not None and ring.odds >= SAID:
+    lone = None if "ring" in dismissed else lone_ring(evidence)
+    if lone is not None and (ring := CHECKS["ring"].of_figures(lone.figures)).odds >= SAID:
         evidence = lone.divided_out(evidence)
-        suspicions += [ring] if _without(dismissed, ["ring"]) else []
+        suspicions.append(ring)
         dismissed.add("ring")
     turned = _said(_without(dismissed, [check.name for check in geometry.CHECKS]), evidence)[:1]
     for suspicion in turned:
