@@ -57,9 +57,9 @@ class ProgressSteps:
         self._begun = 0.0
 
     def stage(self, name: str, left: float | TimeLeft | None = None) -> None:
-        """Begin a stage without counted parts, of which, or of the call, so much time is left.
+        """Begin a stage without counted parts. `left` is the remaining time; None if it is unknown.
 
-        Seconds are of the stage alone, and known within a factor of 2.
+        A number is the expected seconds of the stage alone, which are known within a factor of 2.
         """
         self._begin(name, 0, 1, left)
         self._say(ProgressStep(name, time=self._time))

@@ -208,7 +208,11 @@ def _relit_scene(
     if whole_picture:
         estimate.begin()
         likeness = picture_likeness(
-            scene, objects, progress=lambda done, count: steps.run("summing a picture in full", done, count)
+            scene,
+            objects,
+            progress=lambda done, count: steps.run(
+                "summing a picture in full", min(done, count - 1), count, estimate.time_left()
+            ),
         )
     sums = None
     if reference:

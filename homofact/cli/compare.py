@@ -72,8 +72,8 @@ def compare(
     """Fit several methods to the same samples and print their errors and costs.
 
     With several sources, or with --csv or --latex, it prints or writes the mean and standard deviation over sources,
-    seeds and splits, for each method and number of bytes. With --bytes, the method search chooses number and shapes of
-    its textures within the budget. The methods mccool, cole, svd and nmf get the largest textures that fit into it.
+    seeds and splits, for each method and number of bytes. With --bytes, the method search chooses the number and shapes
+    of its textures within the budget. The methods mccool, cole, svd and nmf get the largest textures that fit into it.
     Models have no textures, so --bytes does not affect them. After Ctrl-C it prints the finished comparisons and exits
     with code 130.
 

@@ -18,13 +18,13 @@ class StageClock:
     """The time of the present stage of a command: how long it runs, and how much is left."""
 
     def __init__(self) -> None:
-        """The stage of every command before its first step."""
+        """Start with the stage that every command begins with."""
         self.step = ProgressStep("loading libraries")
         self._first, self._begun = 0.0, time.monotonic()
         self._taken = self._begun
 
     def take(self, step: ProgressStep) -> None:
-        """Go on to a step; its rate is measured from the beginning of its stage."""
+        """Record a step. The rate is measured from the beginning of its stage."""
         if step.total != self.step.total or step.done < self.step.done or step.total is None:
             self._first, self._begun = step.done, time.monotonic()
         self.step, self._taken = step, time.monotonic()

@@ -100,7 +100,7 @@ _ERRORS = (
     " all errors but the interpolation between vertices, measured at vertices; as these are other points, it can be"
     ' larger. "rim": "together" at vertices with cosθo below 0.2. "below'
     ' zero": share of negative light. Other errors: one stage alone. The reference uses the same fits, so these errors'
-    " exclude those of the fits, which `homofact info` of a fit's folder prints"
+    " do not include the errors of the fits. Run `homofact info FOLDER` on a fit to print them"
 )
 
 

@@ -54,9 +54,14 @@ class _Console(Console):
 class _TimeLeft(ProgressColumn):
     """The time that is left by the clock of the stage."""
 
+    def __init__(self, clock: StageClock) -> None:
+        """Show the time by this clock."""
+        super().__init__()
+        self._clock = clock
+
     def render(self, task: Task) -> Text:
-        """Return it in words that run down; none if it is unknown."""
-        return Text(task.fields["clock"].left())
+        """Return the remaining time as text; empty if it is unknown."""
+        return Text(self._clock.left())
 
 
 class Screen:
@@ -114,17 +119,17 @@ class Screen:
 
                 yield show_lines
             return
+        clock = StageClock()
         columns = (
             TextColumn("{task.description}", markup=False),
             BarColumn(bar_width=None),
             TextColumn("{task.fields[figures]}", markup=False),
             TimeElapsedColumn(),
-            _TimeLeft(),
+            _TimeLeft(clock),
         )
         # transient: a finished bar says nothing that the table does not.
         with ProgressBar(*columns, console=self._err, transient=True, expand=True) as bar:
-            clock = StageClock()
-            task = bar.add_task("", total=None, figures="", clock=clock)
+            task = bar.add_task("", total=None, figures="")
 
             def show(step: ProgressStep) -> None:
                 self._say(step)

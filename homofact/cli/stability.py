@@ -1,6 +1,5 @@
 """`homofact research stability`: the atlas of where fits and linear solvers fail."""
 
-import time
 from pathlib import Path
 from typing import Annotated
 
@@ -68,12 +67,10 @@ def stability(
     estimate = estimate_atlas(plan)
     with claimed(out), screen.bar() as bar:
         bar.estimate(estimate)
-        began = time.perf_counter()
 
         def started(done: int, runs: int, name: str) -> None:
-            if done > 0:
-                estimate.finish_first(done, time.perf_counter() - began)
-            bar.run(name, done, runs, estimate.seconds_left)
+            estimate.begin(done)
+            bar.run(name, done, runs, estimate.time_left())
 
         # What an interrupted run leaves; an atlas that is there stays until the new one is whole.
         unfinished = out / "unfinished.csv"

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 _LIGHT = {"albedo_worst": "albedo", "highlight": "highlight", "psnr_sky": "sky dB"}
 _LIMITS = {"light_limit": "light", "highlight_limit": "highlight", "sky_limit": "sky"}
 _WITHIN = "light, highlight, sky: within these limits, which the verdict estimates; ×2 is a factor of 2"
-_IN_ALL_DIRECTIONS = "These compare fit and source in all directions, where a list of samples cannot be evaluated."
 
 
 def sweep(
@@ -101,7 +100,7 @@ def summary_tables(rows: "Sequence[FitRow]") -> list[Table]:
 
     names = {each.name for each in with_values(rows)}
     light, limits = ({name: own[name] for name in own if name in names} for own in (_LIGHT, _LIMITS))
-    about = "albedo, highlight: the factor by which the light is wrong, 1 is right" if light else _WITHIN
+    about = "albedo, highlight: factor of error, 1 is exact" if light else _WITHIN
     table = plain_table(f"Medians over all materials and seeds{f' ({about})' if light or limits else ''}")
     second = plain_table(f"Medians over lists of samples ({_WITHIN})")
     for each in (table, second):
@@ -120,12 +119,12 @@ def summary_tables(rows: "Sequence[FitRow]") -> list[Table]:
 
 def light_lines(rows: "Sequence[FitRow]") -> list[str]:
     """Return a line on the sources that have no figures of light; empty if all sources have them."""
-    from homofact.sweeps.summary import with_values, without_light
+    from homofact.sweeps.summary import IN_ALL_DIRECTIONS, with_values, without_light
 
     names = {each.name for each in with_values(rows)}
     columns = listed(list(_LIGHT.values()))
     if some := without_light(rows):
-        return [f"{columns} leave out {', '.join(some)}. {_IN_ALL_DIRECTIONS}"]
+        return [f"{columns} leave out {', '.join(some)}. {IN_ALL_DIRECTIONS}"]
     if names.isdisjoint(_LIGHT) and not names.isdisjoint(_LIMITS):
-        return [f"Not measured: {columns}. {_IN_ALL_DIRECTIONS}"]
+        return [f"Not measured: {columns}. {IN_ALL_DIRECTIONS}"]
     return []

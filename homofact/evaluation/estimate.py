@@ -12,7 +12,8 @@ from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING
 
 from homofact.evaluation.time_left import BESIDE, TimeLeft, between, spread
-from homofact.linear.size import MOST_DENSE
+from homofact.evaluation.wording import counted
+from homofact.linear.size import is_dense
 from homofact.methods.cole import Cole
 from homofact.methods.effort import units
 from homofact.methods.mccool import McCool
@@ -59,7 +60,7 @@ def fit_seconds(settings: Method, samples: int, known_terms: int = 0) -> float:
         return after + 2.8 * (size / 16) ** 4
     unknowns = textures * size**2
     solve = _SAMPLE_SOLVED * samples * textures
-    solve += _CUBE * unknowns**3 if unknowns <= MOST_DENSE else _TEXEL * unknowns
+    solve += _CUBE * unknowns**3 if is_dense(unknowns) else _TEXEL * unknowns
     if isinstance(settings, Search):
         if settings.effort in _KNOWN and settings.projections is None:
             searched = _KNOWN[str(settings.effort)] * textures**1.2
@@ -90,15 +91,19 @@ def training_count(source: "Source", settings: Method, held_out: float, subset: 
     total = len(source.samples)
     if held_out > 0 and round(held_out * total) in (0, total):
         source.samples.split(held_out, settings.seed)
-    count = solved_samples(source, settings, held_out, subset)
-    _refuse_too_large(source, settings, count)
-    return count
+    _refuse_too_large(source, settings, _fitted_samples(source, held_out, subset))
+    return solved_samples(source, settings, held_out, subset)
+
+
+def _fitted_samples(source: "Source", held_out: float, subset: int) -> int:
+    """Return the number of samples that a fit gets, without azimuth copies."""
+    count = len(source.samples) - round(held_out * len(source.samples))
+    return min(count, subset) if subset > 0 else count
 
 
 def solved_samples(source: "Source", settings: Method, held_out: float, subset: int = 0) -> int:
     """Return the number of samples as `training_count`, without its checks."""
-    count = len(source.samples) - round(held_out * len(source.samples))
-    count = min(count, subset) if subset > 0 else count
+    count = _fitted_samples(source, held_out, subset)
     copies = settings.copies
     if source.samples.isotropic and not source.samples.all_azimuths and copies > 1:
         return count * copies * (2 if getattr(settings, "mirrored", False) else 1)
@@ -106,7 +111,10 @@ def solved_samples(source: "Source", settings: Method, held_out: float, subset: 
 
 
 def _refuse_too_large(source: "Source", settings: Method, count: int) -> None:
-    """Raise BadInput for textures that do not fit into memory, as the fit itself would later."""
+    """Raise BadInput for textures that never fit into memory, before anything is estimated.
+
+    The memory is a lower bound, with one lookup per texture and no azimuth copies. The fit itself checks the rest.
+    """
     if not isinstance(settings, Search | Cole | McCool):
         return
     from homofact.factor.projection import fixed_projection
@@ -122,7 +130,7 @@ def _refuse_too_large(source: "Source", settings: Method, count: int) -> None:
         shapes = tuple(
             texture_shape(fixed_projection(name, settings.reciprocal), side) for name in settings.projections
         )
-    refuse_too_large(settings, shapes, 2 * textures * count)
+    refuse_too_large(settings, shapes, textures * count)
 
 
 def verdict_seconds(samples: int, first: bool = False) -> float:
@@ -169,11 +177,6 @@ class TimeEstimate:
         """Record that the part with index `place` took `seconds`, in this run or an earlier one."""
         self._measured[place] = seconds
 
-    def finish_first(self, count: int, seconds: float) -> None:
-        """Record that the first `count` parts took `seconds` in total, which are divided in proportion to the model."""
-        scale = seconds / max(sum(modelled for _, modelled in self._jobs[:count]), 1e-9)
-        self._measured |= {place: scale * self._jobs[place][1] for place in range(count)}
-
     @property
     def done(self) -> int:
         """How many parts are done."""
@@ -189,9 +192,7 @@ class TimeEstimate:
         """The expected seconds of the parts that are still to do."""
         return self.time_left().seconds
 
-    def time_left(
-        self, whole: bool = True, further: Sequence[tuple[str, float, float, float]] = (), workers: int = 1
-    ) -> TimeLeft:
+    def time_left(self, further: Sequence[tuple[str, float, float, float]] = (), workers: int = 1) -> TimeLeft:
         """Return the time of the parts that are still to do, by so many workers at once.
 
         `further` has (kind, expected, least and most modelled seconds) of parts whose number is not known yet. The
@@ -204,17 +205,18 @@ class TimeEstimate:
         expected, least, most = (sum(each) for each in zip(*ranges, strict=True)) if ranges else (0.0, 0.0, 0.0)
         if workers > 1:
             # The other workers may be about to finish, or have just begun, the longest part.
-            longest = max(ranges)
-            least = max(least - (workers - 1) * longest[1], 0.0)
-            most += (workers - 1) * longest[2]
-        running = max(ranges[:workers])[2] if rest else 0.0
+            _, longest_least, longest_most = map(max, zip(*ranges, strict=True))
+            least = max(least - (workers - 1) * longest_least, 0.0)
+            most += (workers - 1) * longest_most
+        running = max(own for _, _, own in ranges[:workers]) if rest else 0.0
         known = BESIDE + sum(self._measured[place] for place in self._of({kind for kind, _ in rest[:1]}))
-        return TimeLeft(expected / workers, least / workers, most / workers, running, known, whole)
+        passed = 0.0 if self._running is None else time.monotonic() - self._running[1]
+        left = TimeLeft(expected / workers, least / workers, most / workers, running, known, whole=True)
+        return left.after(passed)
 
     def words(self) -> str:
         """Return the remaining work as text: "27 fits, about 1 to 4 min"."""
-        fits = f"{self.left} fit{'' if self.left == 1 else 's'}"
-        return ", ".join(filter(None, (fits, between(*self.time_left().now))))
+        return ", ".join(filter(None, (counted(self.left, "fit"), between(*self.time_left().now))))
 
     def _rest(self) -> list[int]:
         return [place for place in range(len(self._jobs)) if place not in self._measured and place not in self._skipped]

@@ -13,7 +13,7 @@ from decimal import Decimal
 from homofact.evaluation.means import MeanRow, MeasuredFit, mean_rows, mixed_epsilons, same_fits
 from homofact.evaluation.metric_table import METRICS
 from homofact.evaluation.spread import Spread
-from homofact.evaluation.wording import counted, repeated_by
+from homofact.evaluation.wording import counted, listed_seeds, repeated_by
 from homofact.version import __version__
 
 _SPECIAL = {
@@ -50,8 +50,7 @@ def latex_of(fits: Sequence[MeasuredFit], by_source: bool = False, notes: Sequen
     sources = {fit.source for fit in fits}
     seeds = sorted({fit.seed for fit in fits})
     splits = {fit.split_seed for fit in fits}
-    listed_seeds = ", ".join(map(str, seeds))
-    of = f"{counted(len(sources), 'source')} with {counted(len(seeds), 'method seed')} ({listed_seeds})"
+    of = f"{counted(len(sources), 'source')} with method {listed_seeds(seeds)}"
     of += f" and {counted(len(splits), 'split')} (choices of the held-out samples)" if len(splits) > 1 else ""
     repeats = repeated_by(len(seeds), len(splits))
     own = f"; in the rows of one source: over its {repeats}" if groups else ""

@@ -1,7 +1,6 @@
 """The time that is left as a range of seconds that follows the clock, and in words.
 
-A range is one number in words only if it is known within a factor of 2. There are no words for a range that tells
-nothing.
+A range is one number in words only if it is known within a factor of 2. A range wider than a factor of 8 is not shown.
 """
 
 import math
@@ -70,7 +69,7 @@ class TimeLeft:
         """
         expected, least, most = self.now
         if most == 0:
-            return "takes longer than expected"
+            return "takes longer than expected" if self.most > 0 else ""
         words = between(expected, least, most)
         return f"{words} left{'' if self.whole else ' in this step'}" if words else ""
 
@@ -83,7 +82,7 @@ def spread(done: float) -> float:
 def between(expected: float, least: float, most: float) -> str:
     """Return a range of seconds as text, or one number if the range is known within a factor of 2.
 
-    The text is empty for a range so wide that it tells nothing.
+    The text is empty for a range that is wider than a factor of 8.
 
     Examples
     --------

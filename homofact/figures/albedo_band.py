@@ -98,9 +98,11 @@ def _mark_cut_bars(axes: Axes, cut: Sequence[tuple[float, float]], reach: float,
         axes.plot(at, reach, "^", **look)
         axes.plot(at, -reach, "v", **look)
         if all(abs(at - other) * degree >= _APART[1] for other in named):
-            words = "∞" if math.isinf(factor) else f"×{factor:.2g}" if factor < 100 else f"×{factor:.0f}"
+            words = f"×{factor:.2g}" if factor < 100 else f"×{factor:.0f}" if factor < 1000 else ">×1000"
+            # Right of a bar at the left end, which the labels of the axis leave no room for.
+            side = 1 if at * degree < _APART[1] else -1
             axes.annotate(
-                words, (at, reach), (-5, -2), textcoords="offset points", ha="right", va="top", fontsize=7.5,
-                color=_LINE,
+                words, (at, reach), (5 * side, -2), textcoords="offset points", ha="left" if side > 0 else "right",
+                va="top", fontsize=7.5, color=_LINE,
             )  # fmt: skip
             named.append(at)

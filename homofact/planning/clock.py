@@ -14,6 +14,8 @@ from statistics import fmean
 from homofact.evaluation.estimate import TimeEstimate, fit_seconds, solved_samples, verdict_seconds
 from homofact.evaluation.time_left import TimeLeft
 from homofact.evaluation.wording import counted
+from homofact.methods.models import Ggx
+from homofact.methods.search import Search
 from homofact.planning import ladder
 from homofact.planning.ladder import Candidate, method_of
 from homofact.planning.material_fits import MaterialFits
@@ -111,9 +113,9 @@ class PlanClock:
 def _of_materials(count: int, seconds: float) -> tuple[_Further, _Further]:
     """Return the modelled seconds of the fits of so many materials."""
     models = count * len(ladder.MODELS) * _MODEL
-    return ("ggx", models, models, models), _fits(TEXTURED, seconds, count)
+    return (Ggx.name, models, models, models), _fits(TEXTURED, seconds, count)
 
 
 def _fits(numbers: tuple[float, float, float], seconds: float, count: int = 1) -> _Further:
     usual, least, most = (count * number * seconds for number in numbers)
-    return "search", usual, least, most
+    return Search.name, usual, least, most

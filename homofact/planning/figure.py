@@ -7,6 +7,7 @@ other views in a lighter colour. Material and choice are named beside the bars, 
 
 import math
 import os
+from collections.abc import Sequence
 from textwrap import wrap
 
 import matplotlib
@@ -36,22 +37,24 @@ def plot_plan(path: str | os.PathLike[str], plan: ScenePlan) -> None:
     distinct = plan.distinct
     bars = [_bars(material) for material in distinct]
     rows = sum(map(len, bars)) + 2 * len(bars)
-    compared = any(len(spots_of(material)) > 1 for material in distinct)
+    spots = [spots_of(material) for material in distinct]
+    compared = any(len(own) > 1 for own in spots)
     with matplotlib.rc_context({"font.size": 9}):
         height = max(4.6 if compared else 2.0, 1.4 + 0.27 * rows)
         figure = Figure(figsize=(12.5 if compared else 8.0, height), layout="constrained")
         FigureCanvasAgg(figure)
         left, right = figure.subplots(1, 2, width_ratios=(1.3, 1)) if compared else (None, figure.subplots())
         if left is not None:
-            frame_points(left, distinct, any(each.tolerance.trusted for each in distinct))
-        _used(right, distinct, bars, _FEWEST_BESIDE if compared else _FEWEST_ROWS)
+            frame_points(left, distinct, spots, any(each.tolerance.trusted for each in distinct))
+        names = [name_of_choice(*pair) for pair in zip(distinct, spots, strict=True)]
+        _used(right, distinct, names, bars, _FEWEST_BESIDE if compared else _FEWEST_ROWS)
         lines = _title(plan, _LETTERS_WIDE if compared else _LETTERS_NARROW)
         figure.suptitle(in_figure("\n".join(lines)), fontsize=10)
         if left is not None:
             # Markers and names are put where there is room, which is known once the layout is.
             figure.canvas.draw()
             figure.set_layout_engine("none")
-            draw_points(figure, left, distinct)
+            draw_points(figure, left, distinct, spots)
         replace_file(path, lambda made: figure.savefig(made, dpi=120))
 
 
@@ -82,13 +85,17 @@ def _bars(plan: MaterialPlan) -> list[tuple[str, float, float]]:
 
 
 def _used(
-    axes: Axes, distinct: tuple[MaterialPlan, ...], bars: list[list[tuple[str, float, float]]], fewest: int
+    axes: Axes,
+    distinct: tuple[MaterialPlan, ...],
+    names: Sequence[str],
+    bars: list[list[tuple[str, float, float]]],
+    fewest: int,
 ) -> None:
     place, ticks, labels, most = 0.0, list[float](), list[tuple[str, str]](), 1.0
-    for k, (plan, own) in enumerate(zip(distinct, bars, strict=True)):
+    for k, (plan, choice, own) in enumerate(zip(distinct, names, bars, strict=True)):
         colour = COLOURS[k % len(COLOURS)]
         outcome = plan.outcome
-        words = name_of_choice(plan) + ("" if outcome is None else f", {outcome.bytes} bytes")
+        words = choice + ("" if outcome is None else f", {outcome.bytes} bytes")
         share = "" if plan.material.pixels is None else f", {plan.material.pixels} pixels"
         name = plan.name if len(plan.name) <= _MOST_LETTERS else plan.name[: _MOST_LETTERS - 1] + "…"
         # Beside the axes: inside they would run across the limit's line and, long as they are, beyond the panel.

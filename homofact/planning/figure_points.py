@@ -8,6 +8,7 @@ material. A stepped line is its Pareto front: the smallest error that a number o
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -94,12 +95,12 @@ def spots_of(plan: MaterialPlan) -> list[Spot]:
     return [replace(spot, names=_names(plan, spot, spots)) for spot in spots]
 
 
-def name_of_choice(plan: MaterialPlan) -> str:
+def name_of_choice(plan: MaterialPlan, spots: Sequence[Spot]) -> str:
     """Return the name of the choice, as beside its marker, or "nothing in the budget"."""
     choice = plan.walk.choice
     if choice is None:
         return "nothing in the budget"
-    chosen = (spot.names[0] for spot in spots_of(plan) if spot.chosen)
+    chosen = (spot.names[0] for spot in spots if spot.chosen)
     return next(chosen, plan.walk.kept(choice).words)
 
 
@@ -118,9 +119,11 @@ def _near(plan: MaterialPlan) -> dict[Candidate, LadderOutcome]:
     return {key: outcome for key, outcome in plan.walk.asked.items() if outcome.error <= most < math.inf}
 
 
-def frame_points(axes: Axes, distinct: Sequence[MaterialPlan], is_trusted: bool) -> None:
-    """Set up axes, title and key for the points of all materials."""
-    spots = [spot for plan in distinct for spot in spots_of(plan)]
+def frame_points(
+    axes: Axes, distinct: Sequence[MaterialPlan], groups: Sequence[Sequence[Spot]], is_trusted: bool
+) -> None:
+    """Set up axes, title and key for the spots of all materials, a group per material."""
+    spots = list(chain.from_iterable(groups))
     sizes, errors = [spot.place[0] for spot in spots], [1.0, *(spot.place[1] for spot in spots)]
     axes.axhline(1, color=LIMIT, lw=1.2, ls="--", zorder=0)
     log_x(axes, min(sizes) / 2.6, max(sizes) * 2.2)
@@ -163,22 +166,22 @@ def _marker(kind: str, hollow: bool, colour: str, label: str = "") -> Line2D:
     return Line2D([], [], ls="", marker=_MARKERS[kind], ms=size, mfc=face, mec=edge, mew=1, label=label)
 
 
-def draw_points(figure: Figure, axes: Axes, distinct: Sequence[MaterialPlan]) -> None:
+def draw_points(figure: Figure, axes: Axes, distinct: Sequence[MaterialPlan], spots: Sequence[Sequence[Spot]]) -> None:
     """Draw lines, markers and names. The layout of the figure has to be final, since markers make room by its points.
 
     Names are always written for choices, and for other spots if there is room. If there are many spots, only the
     choice and its neighbours in the table are named, without the method, which the marker shows. Then one colour has no
     name if there are several materials, since the key explains its marker.
     """
-    groups = _drawn(axes, figure.dpi / 72, [spots_of(plan) for plan in distinct])
+    groups = _drawn(axes, figure.dpi / 72, spots)
     few = sum(map(len, groups)) <= _MOST_NAMES
     named, others, paths = list[PointLabel](), list[tuple[Place, float]](), [[(x, 1.0) for x in axes.get_xlim()]]
-    for k, (plan, spots) in enumerate(zip(distinct, groups, strict=True)):
+    for k, (plan, placed) in enumerate(zip(distinct, groups, strict=True)):
         colour = COLOURS[k % len(COLOURS)]
-        paths.append(_front_line(axes, spots, colour))
+        paths.append(_front_line(axes, placed, colour))
         beside = () if few else (smaller(plan), larger(plan))
         steps = {one.candidate for one in beside if one is not None}
-        for spot, at in spots:
+        for spot, at in placed:
             _draw(axes, spot, at, colour)
             told = spot.candidates[0].is_colour and len(distinct) > 1
             if spot.chosen or few or (not told and steps & set(spot.candidates)):

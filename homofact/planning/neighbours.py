@@ -19,7 +19,8 @@ from homofact.planning.search import LadderOutcome, expected_errors
 # A larger representation is a step where its error falls at least to this part of the choice's. One that was only
 # expected to is named for at most so many times the bytes.
 CLEARLY, NEAR = 0.9, 16
-# A far smaller representation has at most this part of the choice's bytes, and an error of at most so many limits.
+# A far smaller representation has at most this part of the choice's bytes, and an error of at most so many limits, or
+# errors of a choice that misses the limit.
 FAR_FEWER, ALIKE = 1 / 8, 1.5
 # How many larger representations are fitted for a material, at most, to find one that errs less.
 TRIES = 2
@@ -64,9 +65,8 @@ def smaller(plan: MaterialPlan) -> Neighbour | None:
 def far_smaller(plan: MaterialPlan) -> Neighbour | None:
     """Return the smallest measured representation that misses the tolerance by little; None if there is none.
 
-    It has at most `FAR_FEWER` of the choice's bytes. Its error is at most `ALIKE` times the limit, or the choice's
-    error
-    if the choice misses the limit.
+    It has at most `FAR_FEWER` of the choice's bytes. Its error is at most `ALIKE` times the limit. If the choice misses
+    the limit, it is at most `ALIKE` times the choice's error.
     """
     chosen = plan.outcome
     if chosen is None:

@@ -7,7 +7,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any, ClassVar
 
-from homofact.evaluation.bar.error_bar import BarKind, percent
+from homofact.evaluation.bar.error_bar import BarKind, ErrorBars, percent
 from homofact.evaluation.metric_table import METRICS, REPORTED, Metric
 from homofact.sweeps.ledger import Result, SweepLedger
 
@@ -43,6 +43,7 @@ LIMITS = (
 )
 # What the tables of a sweep may show of a fit.
 FIGURES: tuple[Metric | Limit, ...] = (*REPORTED, *LIMITS)
+IN_ALL_DIRECTIONS = "These compare fit and source in all directions, where a list of samples cannot be evaluated."
 _NAMED: Mapping[str, Metric | Limit] = {**METRICS, **{limit.name: limit for limit in LIMITS}}
 
 
@@ -105,11 +106,11 @@ def row_of(result: Result) -> FitRow:
 
 def _limits(verdict: Mapping[str, Any]) -> dict[str, float]:
     """Return the limits of a verdict's record; empty if it has measured errors instead."""
-    bars = {bar["quantity"]: bar for bar in (verdict.get("bars") or {}).get("all", ())}
-    if any(bar["kind"] == BarKind.MEASURED.value for bar in bars.values()):
+    bars = ErrorBars.of_record(verdict.get("bars"))
+    if bars is None or bars.kind is BarKind.MEASURED:
         return {}
-    stated = {limit.name: bars[limit.quantity]["error"] for limit in LIMITS if limit.quantity in bars}
-    return {name: math.inf if error is None else float(error) for name, error in stated.items()}
+    stated = {bar.quantity: math.inf if bar.error is None else bar.error for bar in bars.bars}
+    return {limit.name: stated[limit.quantity] for limit in LIMITS if limit.quantity in stated}
 
 
 def value_of(row: FitRow, name: str) -> float | None:
@@ -127,7 +128,7 @@ def limit_figure(value: float | None) -> str:
     """Return a limit for a table, rounded up: "7%", "×5.5" for a factor of 5.5, or "unknown" if it is infinite."""
     if value is None:
         return "–"
-    return percent(value).replace("a factor of ", "×") if math.isfinite(value) else "unknown"
+    return percent(value, "×") if math.isfinite(value) else "unknown"
 
 
 def by_label(rows: Iterable[FitRow]) -> dict[str, list[FitRow]]:

@@ -142,7 +142,7 @@ def shown_source(source: Reopened) -> "Layer":
 def _bytes(source: Source) -> str:
     """Return the size of the source, to compare with the bytes of its fits, which are those of their textures.
 
-    The size of samples counts angles and values as float32, whatever homofact makes of them to interpolate them.
+    The size of samples counts angles and values as float32, not the structure that interpolates them.
     """
     if source.kind == "material":
         return "analytic"

@@ -129,7 +129,7 @@ def test_splits_are_compared_one_by_one(capsys: pytest.CaptureFixture[str]) -> N
     lower = sum(ratio < 1 for ratio in ratios)
     assert pair["errors"]["log_mse"]["lower_on"] == lower
     latex = Path("a.tex").read_text(encoding="utf-8").splitlines()
-    assert "1 source with 1 method seed (2) and 3 splits" in latex[0]
+    assert "1 source with method seed 2 and 3 splits" in latex[0]
     assert latex[1].endswith("split by seeds 2 to 4")
     Path("a.tex").unlink()
     assert main(line) == 0

@@ -231,6 +231,14 @@ def test_an_angle_between_two_has_an_error_between_theirs() -> None:
         found.interval("albedo", -1)
 
 
+@pytest.mark.parametrize("error", [math.inf, math.nan, -0.1])
+def test_bars_of_a_damaged_report_are_none(error: float) -> None:
+    record = ErrorBars((ErrorBar("albedo", BarKind.RIGHT, 0.1, 0.9, (0.0, 75.0)),)).record()
+    assert ErrorBars.of_record(record) is not None
+    record["all"][0]["error"] = error
+    assert ErrorBars.of_record(record) is None
+
+
 def test_a_bar_that_says_nothing_is_withdrawn() -> None:
     assert ErrorBar.stated("sky", BarKind.RIGHT, 1.01 * MOST, 0.9, (0, 75)).kind is BarKind.WITHDRAWN
     assert ErrorBar.stated("sky", BarKind.RIGHT, math.nan, 0.9, (0, 75)).error is None

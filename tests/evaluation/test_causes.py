@@ -71,7 +71,8 @@ def test_the_ratio_of_errors_has_the_usual_one(gap: float) -> None:
 def bars(*errors: float | None) -> ErrorBars:
     kinds = (BarKind.RIGHT, BarKind.WITHDRAWN)
     made = [ErrorBar("albedo", kinds[e is None], e, 0.9, (15.0 * k, 15.0 * k)) for k, e in enumerate(errors)]
-    return ErrorBars((), tuple(made))
+    whole = ErrorBar("albedo", BarKind.RIGHT, 0.1, 0.9, (0.0, 15.0 * (len(made) - 1)))
+    return ErrorBars((whole,), tuple(made))
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """How long fits will take: the model's order of magnitude, what finished fits tell, and the words."""
 
 import re
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -18,6 +19,7 @@ from homofact.evaluation.split import Split
 from homofact.methods.cole import Cole
 from homofact.methods.common import at_azimuths
 from homofact.methods.mccool import McCool
+from homofact.methods.method import Method
 from homofact.methods.search import Search
 from homofact.methods.table import METHODS, made_each, methods_with, settings_of_class
 
@@ -96,9 +98,6 @@ def test_finished_fits_correct_the_others() -> None:
     assert found.seconds_left == pytest.approx(2 * 300 + 50, rel=0.02)
     found.finish(1, 600.0)
     assert (found.left, found.words()) == (1, "1 fit, about 30 to 90 s")
-    several = TimeEstimate([("cole", 10.0)] * 4)
-    several.finish_first(2, 80.0)
-    assert (several.left, several.seconds_left) == (2, pytest.approx(80, rel=0.04))
 
 
 def test_the_first_fit_which_loads_libraries_changes_little() -> None:
@@ -203,3 +202,23 @@ def test_a_search_that_an_earlier_fit_has_done_takes_no_time_again(tmp_path: Pat
     assert estimate_charts([(paint, ChartLedger(tmp_path / "a.csv"))], sizes).seconds_left < 1.4 * alone[1]
     smaller = plan(base, (2,), (8, 16), ("gradient",))
     assert estimate_charts([(paint, ChartLedger(tmp_path / "a.csv"))], smaller).seconds_left > 1.6 * alone[1]
+
+
+@pytest.mark.parametrize("method", [McCool(size=6), Cole(textures=1, size=6, restarts=1), Search(textures=1, size=6)])
+def test_what_is_refused_before_a_fit_needs_no_more_than_the_fit(
+    method: Method, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Or large fits would be refused that fit into memory."""
+    asked: dict[str, int] = {}
+
+    def kept(when: str) -> Callable[..., None]:
+        return lambda settings, shapes, rows, searched=0: asked.setdefault(when, rows * len(shapes)) and None
+
+    source = open_source("material:phong-10", count=400)
+    source = replace(source, samples=replace(source.samples, all_azimuths=False))
+    monkeypatch.setattr("homofact.methods.memory.refuse_too_large", kept("before"))
+    for name in ("mccool_fit", "cole_fit", "search_task"):
+        monkeypatch.setattr(f"homofact.methods.{name}.refuse_too_large", kept("fit"))
+    training_count(source, method, 0.0)
+    method.fit(source.samples)
+    assert 0 < asked["before"] <= asked["fit"]

@@ -201,7 +201,7 @@ def test_the_latex_is_what_a_parser_of_latex_reads() -> None:
     assert hostile[0].replace("ˆ", "^").replace(" ", "") == HOSTILE.replace(" ", "")
     assert hostile[4].replace(" ", "") == "0.0150"
     assert r"\begin{tabular}{lrrrrrr}" in latex
-    assert latex.splitlines()[0].endswith("2 sources with 2 method seeds (0, 1), on held-out samples.")
+    assert latex.splitlines()[0].endswith("2 sources with method seeds 0 and 1, on held-out samples.")
 
 
 @pytest.mark.parametrize(

@@ -54,6 +54,11 @@ def test_a_part_that_takes_too_long_delays_the_rest_the_more_the_less_is_known()
     assert mosts == sorted(mosts)
 
 
+def test_nothing_is_said_where_nothing_is_left() -> None:
+    assert TimeLeft.at_rate(4, 0, 10.0).words() == ""
+    assert TimeLeft(0, 0, 0, 0).words() == ""
+
+
 def test_nothing_passes_while_no_part_runs() -> None:
     left = TimeLeft(30, 10, 90, 0.0, whole=True)
     assert left.after(50).now == left.now == (30, 10, 90)

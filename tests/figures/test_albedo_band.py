@@ -80,7 +80,7 @@ def test_ticks_have_the_words_of_the_sentence_above_the_chart() -> None:
     assert "−100%" not in [label for _, label in albedo_ticks(1.0, 1.15 * math.log(2))]
 
 
-@pytest.mark.parametrize("most", [30.0, 700.0, math.inf])
+@pytest.mark.parametrize("most", [30.0, 700.0, 1e6])
 def test_a_cut_bar_has_a_triangle_and_its_factor(most: float, monkeypatch: pytest.MonkeyPatch) -> None:
     written: list[str] = []
     annotate = Axes.annotate
@@ -94,7 +94,7 @@ def test_a_cut_bar_has_a_triangle_and_its_factor(most: float, monkeypatch: pytes
     # Wider than the bar, at both ends of it.
     assert line[18:26, at - 2 : at + 3].sum(1).max() >= 4
     assert line[-38:-30, at - 2 : at + 3].sum(1).max() >= 4
-    assert written == ["∞" if math.isinf(most) else f"×{1 + most:.0f}"]
+    assert written == [">×1000" if most > 1000 else f"×{1 + most:.0f}"]
     # The others are visible beside it.
     assert columns(pixels)[58 + 254 * 12 // 90] >= 5
 

@@ -124,7 +124,7 @@ def test_materials_without_figures_of_light_are_counted(made: tuple[Path, Path],
     assert [each is None for each in data["fits"][0][-9:]] == [False] * 6 + [True] * 3
     assert [each is None for each in data["fits"][1][-9:]] == [True] * 6 + [False] * 3
     assert data["notes"][-1].startswith("Lists of samples (2 of 3 materials) have these limits instead of albedo,")
-    assert "A median leaves out the fits without its figure." in data["median_notes"]
+    assert "Medians omit fits without a value." in data["median_notes"]
     known = data_of(made[1] / "index.html")
     assert [each["name"] for each in known["metrics"]] == [each.name for each in REPORTED]
     assert not any("left out" in note or "limit" in note for note in known["notes"] + known["median_notes"])

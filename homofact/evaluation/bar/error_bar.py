@@ -52,13 +52,13 @@ class ErrorBar:
         1%), "sky" or "lamp" (the picture of a sphere under this light, Σ|difference|/Σ).
     kind : how the bar was obtained.
     error : the bound of the relative error, 0.09 for 9%; None if the bar is withdrawn.
-    rate : the share of calibration fits whose error is within the bound, 0.9; 1 for a measured error. On fits that the
-        calibration had not seen, the share was 86 to 89% (docs/verdict.md).
+    rate : the share of calibration fits whose error is within the bound, 0.9; 1 for a measured error. It is slightly
+        lower on fits that the calibration had not seen (docs/verdict.md).
     degrees : the range of measured θ in degrees. The bar of the albedo holds for incidences in this range.
     reason : why the bar is withdrawn or wide, as a clause for a sentence such as "…, so these limits are wider"; ""
         otherwise.
     unmeasured : for the albedo at one angle, the share of the fit's light that leaves in directions without
-        measurements; else 0.
+        measurements, NaN beyond the measured range; else 0.
     ratio : the fit's light divided by the source's, if the error was measured; None for an estimate and for pictures.
     """
 
@@ -125,12 +125,14 @@ class ErrorBar:
         """Return the range of source/fit as text: "0.95 to 1.05", or "unknown" if the bar is withdrawn."""
         if self.low is None or self.high is None:
             return "unknown"
+        near = self.high < 1.1
+
+        def step(value: float) -> float:
+            return 0.001 if near else 10.0 ** (math.floor(math.log10(value)) - 2)
+
         # Rounded outwards, as `percent` rounds up.
-        digits = 3 if self.high < 1.1 else 2 - math.floor(math.log10(self.high))
-        low_digits = 3 if self.high < 1.1 else 2 - math.floor(math.log10(self.low))
-        low = math.floor(round(self.low * 10**low_digits, 6)) / 10**low_digits
-        high = math.ceil(round(self.high * 10**digits, 6)) / 10**digits
-        form = ".3f" if self.high < 1.1 else ".3g"
+        low, high = -_up(-self.low, step(self.low)), _up(self.high, step(self.high))
+        form = ".3f" if near else ".3g"
         return f"{low:{form}} to {high:{form}}"
 
     def record(self) -> dict[str, Any]:
@@ -153,6 +155,8 @@ class ErrorBar:
         """Return the bar of a JSON record. Raises KeyError, TypeError or ValueError if the record is invalid."""
         low, high = map(float, record["degrees"])
         error, ratio = record["error"], record.get("ratio")
+        if error is not None and not 0 <= float(error) < math.inf:
+            raise ValueError(f"an error of {error}")
         return cls(
             str(record["quantity"]),
             BarKind(record["kind"]),
@@ -203,7 +207,8 @@ class ErrorBars:
         one, two = below[-1], above[0]
         if one.error is None or two.error is None:
             worse = one if one.error is None else two
-            return ErrorBar(quantity, worse.kind, None, worse.rate, (theta, theta), worse.reason)
+            unmeasured = worse.unmeasured
+            return ErrorBar(quantity, worse.kind, None, worse.rate, (theta, theta), worse.reason, unmeasured)
         apart = two.degrees[0] - one.degrees[0]
         share = (theta - one.degrees[0]) / apart if apart > 0 else 0.0
         error = (1 - share) * one.error + share * two.error
@@ -257,8 +262,7 @@ class ErrorBars:
 
     def _reach(self, run: Sequence[ErrorBar]) -> str:
         """Return the angles of a run; the first and the last of all angles include what is measured beyond them."""
-        whole = self.bars[0] if self.bars else None
-        low, high = (run[0].degrees[0], run[-1].degrees[1]) if whole is None else whole.degrees
+        low, high = self.bars[0].degrees
         first = low if run[0] is self.by_angle[0] else run[0].degrees[0]
         last = high if run[-1] is self.by_angle[-1] else run[-1].degrees[1]
         return f"{first:.0f}°" if round(first) == round(last) else f"{first:.0f}–{last:.0f}°"
@@ -335,15 +339,15 @@ def _within(run: list[ErrorBar]) -> str:
     return f" (within {percent(worst.error)}{f', {worst.direction}' * bool(worst.direction)})"
 
 
-def percent(error: float) -> str:
-    """Return a limit as text, rounded up: 0.4%, 2.1%, 5%, 12%; above 100%, a factor with two digits.
+def percent(error: float, factor: str = "a factor of ") -> str:
+    """Return a limit as text, rounded up: 0.4%, 2.1%, 5%, 12%; above 100%, a `factor` with two digits.
 
     The smallest result is 0.1%. From 5% on, percentages are whole numbers.
     """
     if math.isinf(error):
         return "an infinite factor"
     if error > 1:
-        return f"a factor of {_up(1 + error, 10 ** (math.floor(math.log10(1 + error)) - 1)):.2g}"
+        return f"{factor}{_up(1 + error, 10 ** (math.floor(math.log10(1 + error)) - 1)):.2g}"
     return f"{_up(100 * max(error, 0.001), 0.1 if error < 0.05 else 1):.3g}%"
 
 

@@ -66,9 +66,9 @@ class Noted:
 
     @property
     def bound(self) -> str:
-        """Return "at most " or "at least ": of samples, `light.off` is nearer to 1 than found, by two standard errors.
+        """Return "at most " or "at least " for a source of samples; "" if the source was evaluated in all directions.
 
-        "" for a source that was evaluated everywhere, of which it is exact.
+        Of samples, `light.off` is moved towards 1 by two standard errors, so it is a bound.
         """
         light = self.figures.light
         return "" if light.source_albedo is not None else "at most " if light.off < 1 else "at least "

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from homofact.evaluation.metric_table import REPORTED, Metric
 from homofact.evaluation.wording import listed
-from homofact.sweeps.summary import LIMITS, FitRow, Limit, value_of, with_values
+from homofact.sweeps.summary import IN_ALL_DIRECTIONS, LIMITS, FitRow, Limit, value_of, with_values
 
 TITLES = {
     "log_mse": "log MSE",
@@ -25,16 +25,15 @@ _ERRORS = (
     " pictures of the fits."
 )
 _LIGHT = (
-    "Albedo (at the worst angle), energy (all light) and highlight (the brightest 1% of the light) are the light of the"
-    " fit over the light of the source, so 1 is right. rms is the relative RMS of f cosθi cosθo. lamp dB and sky dB"
+    "Albedo (at the worst angle), energy (all light) and highlight (the brightest 1% of the light) divide the light of"
+    " the fit by the light of the source, so 1 is right. rms is the relative RMS of f cosθi cosθo. lamp dB and sky dB"
     " are PSNRs of pictures."
 )
 _LIMITS = (
-    "The columns light, highlight and sky within have the limits of the verdict. It estimates that the total"
-    " reflected light, the highlight and a picture under a sky have at most this error; ×2 is a factor of 2. Each"
-    " verdict states how often its limits hold."
+    'The columns "light within", "highlight within" and "sky within" show the limits that the verdict estimates for the'
+    " errors of the total reflected light, the highlight and a picture under a sky; ×2 is a factor of 2. Each verdict"
+    " states how often its limits hold."
 )
-_SAMPLES = "These compare fit and source in all directions, where a list of samples cannot be evaluated."
 
 
 def notes(rows: Sequence[FitRow]) -> list[str]:
@@ -50,12 +49,12 @@ def notes(rows: Sequence[FitRow]) -> list[str]:
     materials = dict.fromkeys(row.source for row in rows)
     samples = dict.fromkeys(row.source for row in rows if row.limits)
     if absent:
-        reason = _SAMPLES if len(samples) == len(materials) else "No fit has a value there."
+        reason = IN_ALL_DIRECTIONS if len(samples) == len(materials) else "No fit has a value there."
         said.append(f"Columns left out: {listed(absent)}. {reason}")
     elif samples:
         said.append(
             f"Lists of samples ({len(samples)} of {len(materials)} materials) have these limits instead of"
-            f" {listed(of_light)}. {_SAMPLES}"
+            f" {listed(of_light)}. {IN_ALL_DIRECTIONS}"
         )
     return said
 
@@ -67,11 +66,11 @@ def median_notes(rows: Sequence[FitRow]) -> list[str]:
     said = []
     if ratios:
         said.append(
-            f"Ratios that should be 1 ({', '.join(ratios)}): the median of the factor by which they are off, too dark"
+            f"For ratios that should be 1 ({', '.join(ratios)}), the table shows the median factor of error, too dark"
             " or too bright alike."
         )
     if any(limit in shown for limit in LIMITS):
         said.append("An unknown limit counts as the largest.")
     if any(value_of(row, each.name) is None for row in rows for each in shown):
-        said.append("A median leaves out the fits without its figure.")
+        said.append("Medians omit fits without a value.")
     return said

@@ -28,12 +28,13 @@ def material_html(
     name: str, fits: Sequence[ReportedFit], shown: Mapping[str, FitFiles], aside: Sequence[Aside], sweep: str
 ) -> str:
     """Return the page of a material; `shown` maps fits' keys to their files, `aside` lists tasks without a fit."""
+    several = len({fit.row.seed for fit in fits}) > 1
     body = [
         "<main class='material'>",
         "<nav class='crumbs' aria-label='Breadcrumb'><a href='../index.html'>← All fits</a></nav>",
-        _figures(fits),
+        _figures(fits, several),
         "<div class='fits'>",
-        *(_card(fit, shown[fit.row.key], _several_seeds(fits)) for fit in fits),
+        *(_card(fit, shown[fit.row.key], several) for fit in fits),
         "</div>",
         _aside(aside),
         "</main></body></html>",
@@ -41,12 +42,8 @@ def material_html(
     return page_html("{{content}}", name, f"{sweep}; SHA-256 {fits[0].material}…", content="\n".join(body))
 
 
-def _several_seeds(fits: Sequence[ReportedFit]) -> bool:
-    return len({fit.row.seed for fit in fits}) > 1
-
-
-def _figures(fits: Sequence[ReportedFit]) -> str:
-    several = _several_seeds(fits)
+def _figures(fits: Sequence[ReportedFit], several: bool) -> str:
+    """Return the table of the fits, with a column of seeds if there are `several`."""
     names = ["Method", *(["Seed"] if several else []), "Bytes", "Textures", "Fetches", "Fit, s", "Status", "Verdict"]
     metrics = with_values([fit.row for fit in fits])
     heads = "".join(f"<th scope='col'>{safe(name)}</th>" for name in names) + "".join(
@@ -100,7 +97,7 @@ def _card(fit: ReportedFit, shown: FitFiles, seeds: bool) -> str:
         )
         parts.append(f"<h3>Textures</h3><div class='textures'>{figures}</div>")
     given = fit.task.settings
-    # With a number of bytes, the fit chooses number and shapes of its textures.
+    # With a number of bytes, the fit chooses the number and shapes of its textures.
     chosen = {"size", "textures"} if given.get("bytes") is not None else set[str]()
     settings = ", ".join(f"{name} {value}" for name, value in given.items() if value is not None and name not in chosen)
     parts.append(

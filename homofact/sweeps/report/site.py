@@ -135,7 +135,7 @@ def _shown(fit: ReportedFit, place: Path, sources: _Sources | None) -> FitFiles:
         rows, columns = texture.size
         name = f"{key}_{texture.name}.png"
         write_texture_png(place / name, texture, fitted.channels)
-        unread = "" if texture.mask.all() else "; no direction reads the yellow texels"
+        unread = "" if texture.mask.all() else "; yellow: texels that no pair of directions reads"
         textures.append((name, f"{texture.caption}, {columns} × {rows}{unread}"))
     if sources is None:
         return FitFiles(picture, tuple(textures), None, "")
