@@ -7,7 +7,7 @@ import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from sitemaker.modules import reference_modules
+from sitemaker.modules import module_pages
 from sitemaker.names import CONSTANT, Scope
 
 NOTHING = Scope("", {})
@@ -38,7 +38,7 @@ class Section:
 
 
 def markdown(text: str, scope: Scope = NOTHING, returned: str = "") -> str:
-    """Return a docstring as Markdown; `returned` is the type that a section Returns without one begins with."""
+    """Return a docstring as Markdown; `returned` is the return type, which precedes a section Returns without one."""
     prose, sections = parsed(text)
     parts = [blocks(prose, scope), *(shown(each, scope, returned) for each in sections)]
     return "\n\n".join(part for part in parts if part)
@@ -60,7 +60,7 @@ def shown(section: Section, scope: Scope, returned: str = "") -> str:
 
 
 def row(entry: Entry, typed: bool, scope: Scope, more: str = "") -> str:
-    """Return an entry as an item of a list; `more` is said after its words."""
+    """Return an entry as an item of a list; `more` is appended."""
     head = _head_words(entry.head, scope) if typed else ", ".join(f"`{name}`" for name in entry.head.split(", "))
     kind = f" ({type_words(entry.kind, scope)})" if entry.kind else ""
     words = textwrap.indent(linked(entry.words, scope), "  ").strip()
@@ -111,7 +111,7 @@ def _code(word: str, scope: Scope) -> str:
     if value is not None:
         return f"`{value}`" if word.startswith("_") else f"`{word} = {value}`"
     if re.fullmatch(r"\w+(\.\w+)*", word) and (word[0].isupper() or "." in word):
-        page = {each.name: each.page for each in reference_modules()}.get(f"homofact.{word.removeprefix('homofact.')}")
+        page = module_pages().get(f"homofact.{word.removeprefix('homofact.')}")
         path = scope.described(word) or scope.described(f"homofact.{word}")
         if path is not None:
             return f"{{py:obj}}`{word} <{path}>`"

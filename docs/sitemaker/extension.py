@@ -51,7 +51,7 @@ def _inside(node: nodes.Node, kinds: tuple[type, ...]) -> bool:
 
 
 def _link_text(app: Sphinx, text: nodes.Text, page: str) -> None:
-    """Make links of the citations in a text, and of the paths of pages, in the place of which it gets their titles."""
+    """Link the citations in a text, and replace paths of pages by links with their titles."""
     told = text.astext()
     parts: list[nodes.Node] = []
     last = 0
@@ -75,16 +75,16 @@ def _cited(app: Sphinx, told: str, page: str) -> Iterator[_Link]:
 
 def _named_pages(app: Sphinx, told: str, page: str) -> Iterator[_Link]:
     for match in _PAGE.finditer(told):
-        if match[1] in app.env.found_docs:
+        if match[1] in app.env.found_docs and match[1] != page:
             yield match.start(), match.end(), app.env.titles[match[1]].astext(), _uri(app, page, match[1]), ""
 
 
 def _link_file(app: Sphinx, literal: nodes.literal, page: str) -> None:
-    match = NAMED.search(literal.astext())
-    named = _PAGE.fullmatch(literal.astext())
-    if (match is None and named is None) or re.search(r"[*?<]", literal.astext()):
+    told = literal.astext()
+    if re.search(r"[*?<]", told):
         return
-    target = page_of(match[0]) if match is not None else named[1] if named is not None else ""
+    match, named = NAMED.search(told), _PAGE.fullmatch(told)
+    target = page_of(match[0]) if match is not None else "" if named is None else named[1]
     if target in app.env.found_docs and target != page:
         link = nodes.reference("", "", internal=True, refuri=_uri(app, page, target))
         literal.replace_self(link)

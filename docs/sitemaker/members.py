@@ -10,8 +10,8 @@ from importlib import import_module
 from typing import Any
 
 from sitemaker.docstrings import Entry, Section, row
-from sitemaker.names import Scope, class_of
-from sitemaker.signatures import type_of, value_of
+from sitemaker.names import Scope
+from sitemaker.signatures import linked_type, value_of
 
 _MUTABLE = {"dict": "{}", "list": "[]"}
 
@@ -46,8 +46,8 @@ def public_bases(node: ast.ClassDef, scope: Scope) -> list[str]:
     """Return the bases of a class as Markdown; those of a private one in its place, since its fields are listed."""
     found = []
     for base in node.bases:
-        private = class_of(scope.names.get(ast.unparse(base), "")) if ast.unparse(base).startswith("_") else None
-        found += [_code(base, scope)] if private is None else public_bases(private, scope)
+        private = scope.class_named(ast.unparse(base)) if ast.unparse(base).startswith("_") else None
+        found += [linked_type(base, scope)] if private is None else public_bases(private, scope)
     return list(dict.fromkeys(found))
 
 
@@ -74,19 +74,14 @@ def _row(member: Member, scope: Scope) -> str:
 
 
 def _type(member: Member, scope: Scope) -> str:
-    return "" if member.annotation is None else _code(member.annotation, scope)
-
-
-def _code(annotation: ast.expr, scope: Scope) -> str:
-    told = type_of(annotation, scope)
-    return f"{{pytype}}`{told}`" if "homofact." in told else f"`{told}`"
+    return "" if member.annotation is None else linked_type(member.annotation, scope)
 
 
 def _tables(annotation: ast.expr | None, scope: Scope) -> Iterator[ast.ClassDef]:
     """The private classes in a type, whose keys are listed in the place of their names."""
     nodes = [] if annotation is None else ast.walk(annotation)
     names = dict.fromkeys(node.id for node in nodes if isinstance(node, ast.Name) and node.id.startswith("_"))
-    found = (class_of(scope.names.get(name, "")) for name in names)
+    found = map(scope.class_named, names)
     yield from (each for each in found if each is not None)
 
 
@@ -106,7 +101,7 @@ def _members(node: ast.ClassDef, scope: Scope) -> Iterator[Member]:
 
 def _fields(node: ast.ClassDef, scope: Scope) -> dict[str, ast.AnnAssign]:
     found: dict[str, ast.AnnAssign] = {}
-    for base in (class_of(scope.names.get(name, "")) for name in _bases(node) if name.startswith("_")):
+    for base in (scope.class_named(name) for name in _bases(node) if name.startswith("_")):
         found |= {} if base is None else _fields(base, scope)
     for each in node.body:
         if isinstance(each, ast.AnnAssign) and not ast.unparse(each.annotation).startswith("ClassVar"):
@@ -127,7 +122,7 @@ def _default(value: ast.expr | None, scope: Scope) -> str:
 
 
 def _options(node: ast.ClassDef, scope: Scope) -> dict[str, dataclasses.Field[Any]]:
-    """The fields of a class that declare options, from the class itself: functions make their help and defaults."""
+    """The fields that declare options. The class is imported, because functions compute their help and defaults."""
     calls = (each.value for each in _fields(node, scope).values() if isinstance(each.value, ast.Call))
     if all(ast.unparse(call.func) == "field" for call in calls):
         return {}  # not loaded for nothing

@@ -6,7 +6,7 @@ from functools import cache
 
 from sitemaker.navigation import ROOT
 
-# What users touch, by what it is for; a module that is not here is shown by none of these pages.
+# The public modules, sorted by purpose. Only these have a page.
 MODULES = {
     "The front door": (
         "homofact", "homofact.api.reading", "homofact.api.fitting", "homofact.api.result", "homofact.api.loading",
@@ -90,6 +90,12 @@ class Module:
 def reference_modules() -> list[Module]:
     """Return the modules of the reference in their order."""
     return [Module(name) for names in MODULES.values() for name in names]
+
+
+@cache
+def module_pages() -> dict[str, str]:
+    """Return the pages of the modules by their names."""
+    return {each.name: each.page for each in reference_modules()}
 
 
 @cache

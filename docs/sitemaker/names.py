@@ -29,11 +29,16 @@ class Scope:
             path = self.names.get(first, _unique().get(first, "")) + (f".{rest}" if rest else "")
         return path if path in described() else None
 
+    def class_named(self, name: str) -> ast.ClassDef | None:
+        """Return the definition of the class that `name` means in this module; None if it means none."""
+        return class_of(self.names.get(name, ""))
+
     def constant(self, name: str) -> str | None:
         """Return the value of a constant as Python writes it, if it is a number or a text."""
         value = assigned(self.names.get(name, ""))
-        plain = isinstance(value, ast.Constant) and isinstance(value.value, int | float | str)
-        return ast.unparse(value) if plain and value is not None else None
+        if isinstance(value, ast.Constant) and isinstance(value.value, int | float | str):
+            return ast.unparse(value)
+        return None
 
 
 @cache

@@ -11,7 +11,7 @@ from sitemaker.docstrings import blocks, linked, markdown, parsed, shown
 from sitemaker.members import has_fields, listed, public_bases
 from sitemaker.modules import MODULES, Module, reference_modules, tree_of
 from sitemaker.names import Scope, assigned, definition_of, scope_of
-from sitemaker.signatures import arguments, type_of
+from sitemaker.signatures import arguments, linked_type, type_of
 from sitemaker.sources import first_sentence, links_to, page_of, summary
 from sitemaker.uses import scripts_using, used_by_page
 
@@ -65,10 +65,10 @@ def _page(module: Module, pages: Mapping[str, str]) -> str:
     if used:
         lines += [f"Used on: {links_to(used, pages)}.", ""]
     if scripts:
-        listed = ", ".join(f"[`{path.rpartition('/')[2]}`](/{page_of(path)}.md)" for path in scripts)
+        programs = ", ".join(f"[`{path.rpartition('/')[2]}`](/{page_of(path)}.md)" for path in scripts)
         folded = len(scripts) > _FEW
-        lines += [f"Used by: {listed}.", ""] if not folded else [
-            f":::{{dropdown}} Used by {len(scripts)} programs", listed, ":::", ""
+        lines += [f"Used by: {programs}.", ""] if not folded else [
+            f":::{{dropdown}} Used by {len(scripts)} programs", programs, ":::", ""
         ]  # fmt: skip
     lines += [_handed_on(module, scope), "", f"```{{py:currentmodule}} {module.name}\n```", ""]
     for node in tree.body:
@@ -129,7 +129,11 @@ def _constructor(node: ast.ClassDef) -> ast.FunctionDef | None:
 def _function(node: ast.FunctionDef, scope: Scope, depth: int) -> str:
     decorators = {ast.unparse(each) for each in node.decorator_list}
     returned = "" if node.returns is None else type_of(node.returns, scope)
-    text = markdown(ast.get_docstring(node) or "", scope, f"{{pytype}}`{returned}`" if "homofact." in returned else "")
+    text = markdown(
+        ast.get_docstring(node) or "",
+        scope,
+        linked_type(node.returns, scope) if node.returns is not None and "homofact." in returned else "",
+    )
     if decorators & {"property", "cached_property", "functools.cached_property"}:
         return _directive("py:property", node.name, text, 3, f":type: {returned}\n" if returned else "")
     options = "".join(f":{name}:\n" for name in ("classmethod", "staticmethod") if name in decorators)

@@ -30,6 +30,12 @@ def type_of(annotation: ast.expr, scope: Scope) -> str:
     return ast.unparse(_Types(scope).visit(copy.deepcopy(annotation)))
 
 
+def linked_type(annotation: ast.expr, scope: Scope) -> str:
+    """Return a type as Markdown, with links to the pages of its classes."""
+    told = type_of(annotation, scope)
+    return f"{{pytype}}`{told}`" if "homofact." in told else f"`{told}`"
+
+
 def value_of(default: ast.expr, scope: Scope) -> ast.expr:
     """Return a default with homofact's constants replaced by their values; as it stands if it has none, or is long."""
     names = {node.id for node in ast.walk(default) if isinstance(node, ast.Name)}

@@ -249,7 +249,8 @@ rows` does the same for blocks of consecutive rows of the file. Use it if the la
   therefore stay bit-identical.
 - If only a few rings are bad, homofact treats them one by one. For each ring that `homofact info` suspects, it divides
   out the step between this ring and its neighbours. It does this for at most four rings. The other rings stay
-  bit-identical.
+  bit-identical. With fewer than eight angles of the light, homofact tests single rings first. It divides out gains of
+  all rings only if it suspects no single ring, since one bad ring would shift them all.
 
 ## Treat clipped values as bounds
 

@@ -127,8 +127,10 @@ def coarse_table(found: list[Said]) -> str:
         named = [sum(each.named for each in those if (each.fault, each.strength) == fault) for fault in planted]
         words = ", ".join(f"{name} {count}" for name, count in accused.most_common()) or "–"
         rows.append((layout, len(clean), words, *named))
-    heads = (f"{fault} {strength:g}: named" for fault, strength in planted)
-    return markdown(("steps of θi, θo, Δφ", "materials", "clean, but accused", *heads), rows)
+    heads = (
+        f"{fault.removesuffix(' of the arm').removeprefix('a ')} {strength:g} detected" for fault, strength in planted
+    )
+    return markdown(("steps of θi, θo, Δφ", "materials", "false suspicions on clean samples", *heads), rows)
 
 
 def asked(folder: Path, materials: int, count: int, seed: int) -> Iterator[Said]:

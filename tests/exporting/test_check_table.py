@@ -1,12 +1,15 @@
 """The table by which a person checks a shader: what it holds, and that it is of the stored texels."""
 
+import ctypes
+import shutil
+import subprocess
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
-from shading_cases import factorization
+from shading_cases import CASES, factorization
 
 from homofact.brdf.materials import MATERIALS
 from homofact.containers.formats import format_named
@@ -62,3 +65,29 @@ def test_a_model_has_a_table_too() -> None:
     assert len(rows) == 72
     assert names[6] == f"f_{MATERIALS['phong-10'].model.channels[0]}"
     assert (rows[:, 6:] >= 0).all()
+
+
+def test_the_c_code_of_an_export_gives_the_values_of_its_table(tmp_path: Path) -> None:
+    compiler = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
+    if compiler is None:
+        pytest.skip("no C compiler (cc, gcc or clang) on the PATH")
+    for number, fitted in enumerate(
+        (factorization(fixed_projection("theta_h-theta_d", True)), CASES["five of all kinds"])
+    ):
+        write_exported(tmp_path / str(number), exported(fitted, format_named("exr")), {})
+        names, rows = rows_of((tmp_path / str(number) / CHECK).read_text())
+        source = tmp_path / f"{number}.c"
+        source.write_text(
+            f'#include "{number}/brdf.c"\nvoid every(int n, const float *wi, const float *wo, float *f) {{\n'
+            f"for (int k = 0; k < n; ++k) homofact_evaluate(wi + 3 * k, wo + 3 * k, f + {len(names) - 6} * k);\n}}\n"
+        )
+        library = tmp_path / f"{number}.so"
+        subprocess.run([compiler, "-O2", "-shared", "-fPIC", str(source), "-o", str(library), "-lm"], check=True)
+        given = [
+            np.ascontiguousarray(w / np.linalg.norm(w, axis=1, keepdims=True), np.float32)
+            for w in (rows[:, :3], rows[:, 3:6])
+        ]
+        found = np.zeros((len(rows), len(names) - 6), np.float32)
+        pointers = [each.ctypes.data_as(ctypes.c_void_p) for each in (*given, found)]
+        ctypes.CDLL(str(library)).every(len(rows), *pointers)
+        assert np.abs(found / rows[:, 6:] - 1).max() < 1e-4
