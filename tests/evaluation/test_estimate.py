@@ -1,7 +1,7 @@
 """How long fits will take: the model's order of magnitude, what finished fits tell, and the words."""
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -212,7 +212,10 @@ def test_what_is_refused_before_a_fit_needs_no_more_than_the_fit(
     asked: dict[str, int] = {}
 
     def kept(when: str) -> Callable[..., None]:
-        return lambda settings, shapes, rows, searched=0: asked.setdefault(when, rows * len(shapes)) and None
+        def keep(settings: object, shapes: Sequence[object], rows: int, searched: int = 0) -> None:
+            asked.setdefault(when, rows * len(shapes))
+
+        return keep
 
     source = open_source("material:phong-10", count=400)
     source = replace(source, samples=replace(source.samples, all_azimuths=False))

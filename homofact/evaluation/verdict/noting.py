@@ -66,12 +66,14 @@ class Noted:
 
     @property
     def bound(self) -> str:
-        """Return "at most " or "at least " for a source of samples; "" if the source was evaluated in all directions.
+        """Return "at most " or "at least " for a source of samples; "" without a ratio or if evaluated everywhere.
 
         Of samples, `light.off` is moved towards 1 by two standard errors, so it is a bound.
         """
         light = self.figures.light
-        return "" if light.source_albedo is not None else "at most " if light.off < 1 else "at least "
+        if light.off is None or light.source_albedo is not None:
+            return ""
+        return "at most " if light.off < 1 else "at least "
 
     @property
     def floor(self) -> str:
